@@ -275,7 +275,7 @@ class ContactProblem:
             and such functions: its new value, set when a step is accepted; see ``bulk.history``.
         before_assembly: Function without arguments that sets functions of the forms which depend on
             ``u`` by other means than UFL; called before each assembly, needs ``jacobian``.
-        model_check: An ``ModelCheck`` that estimates the model error after each solve
+        model_check: A ``ModelCheck`` that estimates the model error after each solve
             (``report.model_check``).
 
     Attributes:

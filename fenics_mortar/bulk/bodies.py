@@ -38,6 +38,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.interface.outline import Outline, extract_outline
+from fenics_mortar.obstacles.rigid_motion import turned
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import (
     ROUNDING,
@@ -48,6 +49,7 @@ from fenics_mortar.utils.arrays import (
     near_pairs,
 )
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
+from fenics_mortar.utils.ranks import from_all_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -213,14 +215,8 @@ def rigid_motions(X: Array, centre: Array, size: float) -> Array:
         Shape (3, n, 2) in the plane: two translations and the rotation; (6, n, 3) in space: three
         translations and the rotations about the three axes.
     """
-    r = (X - centre) / size
-    if X.shape[1] == 3:
-        axes = np.eye(3)
-        moved = np.repeat(axes[:, None], len(X), axis=1)
-        return np.concatenate([moved, np.cross(axes[:, None], r[None])])
-    one, zero = np.ones(len(X)), np.zeros(len(X))
-    rows = [(one, zero), (zero, one), (-r[:, 1], r[:, 0])]
-    return np.array([np.stack(row, axis=1) for row in rows])
+    moved = np.repeat(np.eye(X.shape[1])[:, None], len(X), axis=1)
+    return np.concatenate([moved, turned((X - centre) / size)])
 
 
 def label_bodies(V: Any) -> tuple[Indices, int]:
@@ -482,8 +478,7 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     if mesh.comm.size == 1:
         return wrong
     number = index_map.local_to_global(once)
-    everywhere = mesh.comm.allgather((number, sums[once]))
-    numbers, signs = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
+    numbers, signs = from_all_ranks(mesh.comm, (number, sums[once]))
     known, inverse = np.unique(numbers, return_inverse=True)
     total, times = np.bincount(inverse.ravel(), signs), np.bincount(inverse.ravel())
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
@@ -504,8 +499,7 @@ def _check_copies(mesh: Any, sides: _Sides) -> None:
     outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
     corners, side = sides.ends(outer), sides.side[outer, None]
     mine = corners.mean(axis=1), side * _normals(corners)
-    everywhere = mesh.comm.allgather(mine)
-    middles, normals = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
+    middles, normals = from_all_ranks(mesh.comm, mine)
     sizes = np.sqrt(np.linalg.norm(normals, axis=1))
     pairs = cKDTree(middles).query_pairs(SAME_PLACE * float(sizes.max()), output_type="ndarray")
     i, j = pairs[np.lexsort(pairs.T[::-1])].T

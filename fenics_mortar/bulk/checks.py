@@ -592,38 +592,29 @@ def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
     )
 
 
-class AxisConditions:
-    """Check of the values prescribed on the axis; the constructor is collective.
+def check_axis_values(space: DisplacementSpace, u: Any, bcs: list[Any]) -> None:
+    """Reject values that move the axis radially (collective).
 
     Args:
         space: The displacement's space; without effect unless it is axisymmetric.
         u: Displacement or mixed function.
         bcs: Dirichlet conditions.
+
+    Raises:
+        MortarError: On all ranks, if a radial component on the axis is prescribed otherwise than by
+            zero.
     """
-
-    def __init__(self, space: DisplacementSpace, u: Any, bcs: list[Any]) -> None:
-        self._space, self._u, self._bcs = space, u, bcs
-        self._dofs = radial_dofs_on_axis(space)
-
-    def check(self) -> None:
-        """Reject radial motions of the axis (collective).
-
-        Raises:
-            MortarError: On all ranks, if a radial component on the axis is prescribed otherwise
-                than by zero.
-        """
-        if not self._space.is_axisymmetric:
-            return
-        values = np.zeros_like(self._u.x.array)
-        compat.set_prescribed(values, self._bcs)
-        moved = np.abs(values[self._dofs])
-        largest = self._space.V.mesh.comm.allreduce(float(moved.max(initial=0.0)), MPI.MAX)
-        _, rounding = _nodes(self._space)
-        if largest > rounding:
-            raise MortarError(
-                f"nodes on the axis are moved away from it by {largest:.3g}: expected 0 for their "
-                "radial component"
-            )
+    if not space.is_axisymmetric:
+        return
+    values = np.zeros_like(u.x.array)
+    compat.set_prescribed(values, bcs)
+    moved = np.abs(values[radial_dofs_on_axis(space)])
+    largest = space.V.mesh.comm.allreduce(float(moved.max(initial=0.0)), MPI.MAX)
+    if largest > _nodes(space)[1]:
+        raise MortarError(
+            f"nodes on the axis are moved away from it by {largest:.3g}: expected 0 for their "
+            "radial component"
+        )
 
 
 def _without_radius(residual: Any, u: Any, space: DisplacementSpace) -> set[str]:

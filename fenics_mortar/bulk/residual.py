@@ -29,7 +29,7 @@ from fenics_mortar.bulk.cells import Cells
 from fenics_mortar.bulk.fluxes import FormPoints
 from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
-from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
+from fenics_mortar.mesh.space import DisplacementSpace, by_input_node
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import EPSILON, ROUNDING, TINY, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.clock import clock
@@ -526,18 +526,6 @@ class Bulk:
     def by_input_node(self) -> tuple[Indices, Array]:
         """Identifiers (n, k) and values (n, dim) of all nodes, see ``mesh.space`` (collective)."""
         return by_input_node(self.space, self.u)
-
-    def set_by_input_node(self, nodes: Indices, values: Array) -> None:
-        """Set the displacement from the result of ``by_input_node`` (collective).
-
-        Args:
-            nodes: Identifiers of all nodes, shape (n, k).
-            values: Values there, shape (n, dim) [length].
-
-        Raises:
-            MortarError: On all ranks, if the nodes belong to another mesh or degree.
-        """
-        set_by_input_node(self.space, self.u, nodes, values)
 
     @cached_property
     def form_points(self) -> FormPoints:

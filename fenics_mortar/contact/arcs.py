@@ -235,10 +235,7 @@ def orientation(o: MortarOperators, M: csr_array, planes: Array) -> Orientation:
         planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2).
     """
     s, ds = evaluate_normals(o.slave, o.x, "opposite")
-    n, dn = evaluate_normals(o.master, o.m, "opposite")
-    fixed = np.isfinite(planes[:, 0])
-    if fixed.any():
-        n[fixed], dn[fixed] = planes[fixed], 0.0
+    n, dn = evaluate_normals(o.master, o.m, "opposite", planes=planes)
     v = np.asarray(M @ n)
     return Orientation(normal_rotation(s, v), v, s, ds, n, dn)
 

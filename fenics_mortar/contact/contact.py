@@ -172,11 +172,9 @@ class Contact(Interface):
         points = points_per_segment(pair, self.slave, self.master)
         options = choice.options(points, pair.search_radius or radius)
         self.options = replace(options, basis=self.basis)
-        sides, small = (self.slave, self.master), pair.sliding == "small"
         planes = self.plane_normals if self.slave.dim == 2 else self._projectors()
-        self.evaluation = OperatorEvaluation(
-            sides, self.obstacle, self.arm, planes, self.options, small=small
-        )
+        given = self.slave, self.master, self.obstacle, self.arm, planes, self.options
+        self.evaluation = OperatorEvaluation(*given, small=pair.sliding == "small")
         self._parameters = Parameters(space, self.slave)
         self.law_calls = LawCalls(pair)
         self.adopt_law()

@@ -289,12 +289,9 @@ class FluxValues:
         """Derivatives of weighted conductances at fixed weights, and of the source."""
         closed = self.f.state.active
         pressed = closed & (self.f.z_n > 0.0)
-        h = Row(
-            np.zeros_like(self.weight),
-            np.where(closed, 0.0, self.weight * self.h.by_gap),
-            0.0,
-            np.where(pressed, self.weight * self.h.by_pressure, 0.0),
-        )
+        by_gap = np.where(closed, 0.0, self.weight * self.h.by_gap)
+        by_z_n = np.where(pressed, self.weight * self.h.by_pressure, 0.0)
+        h = Row(np.zeros_like(self.weight), by_gap=by_gap, by_z_n=by_z_n)
         return self.f.by_vectors(h), self.f.by_vectors(self._heating)
 
     @cached_property

@@ -15,7 +15,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,6 +28,7 @@ from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.curve_surface import turn_between
 from fenics_mortar.interface.integrals import (
     BodiesBehind,
+    MortarInput,
     MortarOptions,
     Segments,
     basis_on,
@@ -567,11 +569,13 @@ def place_of(reference: Reference | None, obstacle: Obstacle | None) -> Array:
     return np.full(size, np.nan) if reference is None else reference.place
 
 
+@dataclass(eq=False)
 class OperatorEvaluation:
     """Evaluation of the operators of one contact; does not change the state.
 
     Args:
-        sides: Slave and master.
+        slave: The slave.
+        master: The master.
         obstacle: The rigid master, or ``None``.
         arm: Length by which angles of the obstacle are multiplied [length].
         planes: Normals of slave nodes on symmetry planes, nan elsewhere, shape (slave nodes, 2); in
@@ -580,23 +584,19 @@ class OperatorEvaluation:
         small: Whether sliding is small.
     """
 
-    def __init__(
-        self,
-        sides: tuple[Any, Any],
-        obstacle: Obstacle | None,
-        arm: float,
-        planes: Array,
-        options: MortarOptions,
-        *,
-        small: bool,
-    ) -> None:
-        self.slave, self.master = sides
-        self.obstacle, self.arm, self.planes = obstacle, arm, planes
-        self.options, self.small = options, small
-        self.sight: Sight | None = None
-        self.behind: BodiesBehind | None = None
-        # of the last state and two initial guesses, also with the multiplier nodes of their cover
-        self._recent = deque[tuple[bytes, bytes, Linearization, MortarOperators]](maxlen=5)
+    slave: Any
+    master: Any
+    obstacle: Obstacle | None
+    arm: float
+    planes: Array
+    options: MortarOptions
+    small: bool
+    sight: Sight | None = field(default=None, init=False)
+    behind: BodiesBehind | None = field(default=None, init=False)
+    # of the last state and two initial guesses, also with the multiplier nodes of their cover
+    _recent: deque[tuple[bytes, bytes, Linearization, MortarOperators]] = field(
+        default_factory=partial(deque, maxlen=5), init=False
+    )
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -718,12 +718,13 @@ class OperatorEvaluation:
         search of one for other multiplier nodes.
         """
         self.behind = behind
+        given = MortarInput(
+            self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
+            linearization, behind,
+        )  # fmt: skip
         if self.obstacle is not None:
             with INTEGRALS:
-                return evaluate_obstacle(
-                    self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes,
-                    self.planes, self.options, linearization,
-                )  # fmt: skip
+                return evaluate_obstacle(given, self.obstacle, self.arm)
         points = (np.concatenate([x, m]) if behind is None else behind.outline[0]).tobytes()
         nodes, searched = multiplier_nodes.tobytes(), None
         for at, of_nodes, terms, operators in self._recent:
@@ -733,10 +734,7 @@ class OperatorEvaluation:
             searched = operators if same else searched
         evaluate: Any = evaluate_mortar if self.slave.dim == 2 else evaluate_space
         with INTEGRALS:
-            operators = evaluate(
-                self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-                linearization, behind, searched,
-            )  # fmt: skip
+            operators = evaluate(given if searched is None else given._replace(searched=searched))
         self._recent.appendleft((points, nodes, linearization, operators))
         return operators
 

@@ -628,9 +628,7 @@ class Coulomb(Friction):
     def check(self) -> None:
         """Check coefficient, upper limit and options."""
         super().check()
-        if not varies(self.mu):
-            expected = "zero or a positive number"
-            check_number("mu", self.mu, expected, lambda mu: 0.0 <= mu < np.inf)
+        check_positive(self, "mu", zero=True)
         expected = "a positive stress, or infinity"
         check_number("max_shear", self.max_shear, expected, lambda max_shear: max_shear > 0.0)
         check_choice("limit_by", self.limit_by, ("trial", "pressure"))
@@ -690,8 +688,7 @@ class Tresca(Friction):
     def check(self) -> None:
         """Check the friction limit."""
         super().check()
-        expected = "zero or a positive number"
-        check_number("stress", self.stress, expected, lambda stress: 0.0 <= stress < np.inf)
+        check_positive(self, "stress", zero=True)
 
     def __repr__(self) -> str:
         """The friction limit; all numbers of a derived law."""

@@ -59,7 +59,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse import coo_array, csr_array, dia_array, vstack
 
 from fenics_mortar.contact.arcs import (
     Arc,
@@ -75,16 +75,16 @@ from fenics_mortar.contact.arcs import (
     rotation_past_obstacle,
     surface_rotation,
 )
-from fenics_mortar.interface.facing import Facing, face, nearest_facets
+from fenics_mortar.interface.facing import Facing, face, nearest_on_master
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.pair import Measure
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class Evaluated(NamedTuple):
@@ -117,7 +117,32 @@ def entries_of(matrix: csr_array) -> Entries:
     return Entries(found.row.astype(np.int64), found.col.astype(np.int64), found.data)
 
 
-class Pairing:
+def by_positions(
+    o: MortarOperators, entries: tuple[Entries, Entries], vectors: Array
+) -> Iterator[Block]:
+    """Blocks of vectors_j . (D dx - M dm)_j of this rank, for vectors (slave nodes, dim) (local).
+
+    ``entries``: those of D and M.
+    """
+    for surface, each, sign in zip((o.slave, o.master), entries, (1.0, -1.0), strict=True):
+        j, k, weights = each.share(o.slave.comm)
+        values = sign * weights[:, None] * vectors[j]
+        yield Block(j[:, None], surface.dofs[k], values[:, None])
+
+
+class AtLastOperators:
+    """What depends on positions since a state, kept for the last operators alone (local)."""
+
+    _last: tuple[weakref.ref[MortarOperators], Any] | None = None
+
+    def at(self, o: MortarOperators, find: Callable[[Any], Any]) -> Any:
+        """The result of the function for operators ``o``, called once for the same ones."""
+        if self._last is None or self._last[0]() is not o:
+            self._last = weakref.ref(o), find(o)
+        return self._last[1]
+
+
+class Pairing(AtLastOperators):
     """Matrices of the partners and b_j at the accepted state, computed when first read (local).
 
     Without friction they are hardly ever read.
@@ -129,7 +154,6 @@ class Pairing:
     def __init__(self, build: Callable[[], tuple[csr_array, csr_array, Array, Array]]) -> None:
         self._build = build
         self._coupled: tuple[Indices, Indices] | None = None
-        self._recent: tuple[weakref.ref[MortarOperators], Evaluated] | None = None
 
     @cached_property
     def built(self) -> tuple[csr_array, csr_array, Array, Array]:
@@ -145,13 +169,7 @@ class Pairing:
 
     def __getstate__(self) -> dict[str, Any]:
         """The matrices, for a pickle: the function may have none (local)."""
-        return {"built": self.built, "_coupled": None, "_recent": None}
-
-    def at(self, o: MortarOperators, find: Callable[[MortarOperators], Evaluated]) -> Evaluated:
-        """Rotations and slip at the positions of ``o``, computed once per operators (local)."""
-        if self._recent is None or self._recent[0]() is not o:
-            self._recent = weakref.ref(o), find(o)
-        return self._recent[1]
+        return {"built": self.built, "_coupled": None}
 
     def coupled(self, master: Curve, *, turns: bool) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,), found once (local).
@@ -170,24 +188,18 @@ class Pairing:
         return self._coupled
 
 
-@dataclass(frozen=True)
-class Partners:
-    """Partners of all slave nodes at an accepted state, equal on all ranks.
+@dataclass(frozen=True, kw_only=True)
+class AtStart:
+    """An accepted state, from which slip is counted, equal on all ranks.
 
     Attributes:
-        pairing: ``D``, ``M``, ``start`` and ``angle``.
-        normals: Normals of contact at that state, shape (slave nodes, 2).
-        planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2);
-            ``None`` if surfaces do not rotate, with small sliding.
-        x, m: Positions of slave and master nodes at that state, shapes (nodes, 2) [length].
-        weight: Weights w_j at that state, shape (slave nodes,) [length].
+        x, m: Positions of slave and master nodes, shapes (nodes, dim) [length].
         least: Diagonal entries of D above which contact closes the gap of a node, inf if a law acts
-            at open gaps, shape (slave nodes,) [length].
-        feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
-        place: Place of the obstacle at that state, shape (3,) [length, length, radian].
-        present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
-        counted: Slip of the step that is counted at that state, shape (slave nodes,) [length].
-        shear: z_tau at that state, zero where open, shape (slave nodes,) [stress].
+            at open gaps, shape (slave nodes,) [length], in space [area].
+        counted: Slip of the step that is counted at that state, shape (slave nodes,), in space
+            (slave nodes, 3) [length].
+        shear: z_tau at that state, in space the tangential part of z, zero where open, shape
+            (slave nodes,), in space (slave nodes, 3) [stress].
         pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
         facing: Gauss points of both sides that face each other, for pairs of two bodies with
@@ -196,16 +208,9 @@ class Partners:
         led: Nodes whose partners are those after motions that lead bodies, see ``arcs``.
     """
 
-    pairing: Pairing
-    normals: Array
-    planes: Array | None
     x: Array
     m: Array
-    weight: Array
     least: Array
-    feet: Array
-    place: Array
-    present: Array
     counted: Array
     shear: Array
     pressure: Array
@@ -213,6 +218,37 @@ class Partners:
     facing: Facing | None = None
     turns: tuple[Array, ...] = ()
     led: Led | None = None
+
+
+def at_start(o: MortarOperators, least: Array) -> dict[str, Any]:
+    """Fields of ``AtStart`` at the state of operators, which counts no slip (local)."""
+    none = np.zeros(len(o.x))
+    fields = {"x": o.x, "m": o.m, "least": least, "shear": none, "pressure": none, "gap": none}
+    return fields | {"counted": none if o.slave.dim == 2 else np.zeros_like(o.x)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Partners(AtStart):
+    """Partners of all slave nodes at an accepted state, equal on all ranks.
+
+    Attributes:
+        pairing: ``D``, ``M``, ``start`` and ``angle``.
+        normals: Normals of contact at that state, shape (slave nodes, 2).
+        planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2);
+            ``None`` if surfaces do not rotate, with small sliding.
+        weight: Weights w_j at that state, shape (slave nodes,) [length].
+        feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
+        place: Place of the obstacle at that state, shape (3,) [length, length, radian].
+        present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
+    """
+
+    pairing: Pairing
+    normals: Array
+    planes: Array | None
+    weight: Array
+    feet: Array
+    place: Array
+    present: Array
 
     def led_by(self, there: Partners, led: Led) -> Partners:
         """These partners, with those ``there``, found after the motions, at new nodes (local)."""
@@ -350,7 +386,7 @@ class Partners:
         """
         now, _, found = self.at(o)
         along = found.by_vector
-        yield from self.by_positions(o, along)
+        yield from by_positions(o, self.pairing.entries, along)
         if self.led is not None:  # tau . (w x dx) = w n . dx
             own = o.slave.owned[self.led.new[o.slave.owned]]
             values = 0.5 * (self.led.turn * o.n)[own]
@@ -363,14 +399,6 @@ class Partners:
             yield rotation_derivative(o, found.by_body)
         elif now is not None:
             yield from self.by_angle(o, now, found.by_angle)
-
-    def by_positions(self, o: MortarOperators, vectors: Array) -> Iterator[Block]:
-        """Blocks of vectors_j . (D dx - M dm)_j of this rank, for vectors (slave nodes, 2)."""
-        sides = zip((o.slave, o.master), self.pairing.entries, (1.0, -1.0), strict=True)
-        for surface, entries, sign in sides:
-            j, k, weights = entries.share(o.slave.comm)
-            values = sign * weights[:, None] * vectors[j]
-            yield Block(j[:, None], surface.dofs[k], values[:, None])
 
     def by_angle(self, o: MortarOperators, at: Orientation, weights: Array) -> Iterator[Block]:
         """Blocks of weights_j times the derivative of ``Orientation.angle``, of this rank.
@@ -438,10 +466,6 @@ def centre_of(obstacle: Obstacle) -> Array:
     return np.asarray(obstacle.pivot + obstacle.place[:2])
 
 
-# Rows, columns and values of a matrix.
-Triplets = tuple[Indices, Indices, Array]
-
-
 def find_partners(
     o: Any,
     faces: Flags,
@@ -462,60 +486,43 @@ def find_partners(
             ``None`` if surfaces do not rotate.
         between: Whether to find ``Partners.facing``.
     """
-    none = np.zeros(len(o.x))
+    none, given = np.zeros(len(o.x)), at_start(o, least)
+    given |= {"normals": o.n, "planes": master_planes, "weight": o.weight}
     if isinstance(o, ObstacleOperators):
-        feet = o.nearest_points()
-        own, place = o.obstacle.to_own_frame(feet), o.obstacle.place.copy()
+        given |= {"feet": o.obstacle.to_own_frame(o.nearest_points()), "present": none}
         start = o.x - centre_of(o.obstacle)
         on_obstacle = csr_array(np.eye(len(o.x))), csr_array((len(o.x), 0)), start, none
         pairing = Pairing(lambda: on_obstacle)
-        at = o.x, o.m, o.weight, least, own, place
-        return Partners(pairing, o.n, master_planes, *at, none, none, none, none, none)
-    s = o.segments
-    per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
-    on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
-    on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
+        return Partners(pairing=pairing, place=o.obstacle.place.copy(), **given)
+    if o.slave.comm.size > 1:
+        _ = o.matrices  # collective
+    per_weight = per_weight_of(o, faces)
     present = per_weight if measure == "operators" else none
     vectors = present[:, None] * o.vectors if present.any() else 0.0  # collective
 
     def build() -> tuple[csr_array, csr_array, Array, Array]:
-        own, nearest = _nearest(o, np.flatnonzero(~faces))
-        D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
+        D, M = weights_of_partners(o, per_weight)
         angle = none if master_planes is None else orientation(o, M, master_planes).angle
         return D, M, D @ o.x - M @ o.m - vectors, angle
 
-    facing = face(o, s) if between else None
-    at = o.x, o.m, o.weight, least, np.zeros_like(o.x), np.zeros(3)
-    return Partners(
-        Pairing(build), o.n, master_planes, *at, present, none, none, none, none, facing
-    )
+    given |= {"facing": face(o, o.segments) if between else None, "present": present}
+    return Partners(pairing=Pairing(build), feet=np.zeros_like(o.x), place=np.zeros(3), **given)
 
 
-def _replicate(
-    o: MortarOperators, rows: Indices, columns: Indices, values: Array, scale: Array
-) -> Triplets:
-    """Triplets of the blocks (b, K, K) of all ranks with scaled rows, replicated (collective)."""
-    used = (values != 0.0) & (scale[rows] != 0.0)[:, :, None]
-    i = np.broadcast_to(rows[:, :, None], values.shape)[used]
-    k = np.broadcast_to(columns[:, None, :], values.shape)[used]
-    mine = i, k, values[used] * scale[i]
-    if o.slave.comm.size == 1:
-        return mine
-    gathered = o.slave.comm.allgather(mine)
-    i, k, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
-    return i, k, v
+def per_weight_of(o: MortarOperators, faces: Flags) -> Array:
+    """1 / w_j of nodes that have partners, ``faces`` (n,), else 0, (n,) [1 / area] (local)."""
+    return np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
 
 
-def _nearest(o: MortarOperators, j: Indices) -> tuple[Triplets, Triplets]:
-    """Triplets of D and M that pair the nodes ``j`` with the line of the nearest master facet."""
-    roles = o.slave.roles
-    candidates = None if roles is None else roles.masters_of_nodes(o.slave.facets, j)
-    ends, fraction = nearest_facets(o.x[j], o.m, o.master, candidates)
-    values = np.stack([1.0 - fraction, fraction], axis=1).ravel()
-    return (j, j, np.ones(j.size)), (np.repeat(j, 2), ends.ravel(), values)
+def weights_of_partners(o: MortarOperators, per_weight: Array) -> tuple[csr_array, csr_array]:
+    """D and M over the weights; at nodes without partners those of the nearest points.
 
-
-def _sum(one: Triplets, other: Triplets, rows: int, columns: int) -> csr_array:
-    """Matrix of shape (rows, columns) with the entries of both."""
-    i, k, v = (np.concatenate(entries) for entries in zip(one, other, strict=True))
-    return coo_array((v, (i, k)), shape=(rows, columns)).tocsr()
+    Rows sum to one [1]. Collective at the first access to ``o.matrices``.
+    """
+    scale = dia_array((per_weight[None], [0]), shape=(len(o.x),) * 2)
+    D, M = (csr_array(scale @ matrix) for matrix in o.matrices)
+    j = np.flatnonzero(per_weight == 0.0)
+    nodes, weights = nearest_on_master(o, j)
+    at = np.repeat(j, nodes.shape[1]), nodes.ravel()
+    D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
+    return D, csr_array(M + coo_array((weights.ravel(), at), shape=M.shape))

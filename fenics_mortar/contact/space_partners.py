@@ -17,15 +17,14 @@ node.
 
 from __future__ import annotations
 
-import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, dia_array, eye
+from scipy.sparse import csr_array, eye
 
 from fenics_mortar.contact.arcs import (
     Material,
@@ -34,8 +33,17 @@ from fenics_mortar.contact.arcs import (
     screw,
     vectors_of,
 )
-from fenics_mortar.contact.slip import Entries, entries_of, rows_of
-from fenics_mortar.interface.facing import nearest_on_master
+from fenics_mortar.contact.slip import (
+    AtLastOperators,
+    AtStart,
+    Entries,
+    at_start,
+    by_positions,
+    entries_of,
+    per_weight_of,
+    rows_of,
+    weights_of_partners,
+)
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
 from fenics_mortar.utils.arrays import Array, Flags, Indices, norms
@@ -47,16 +55,14 @@ if TYPE_CHECKING:
     from fenics_mortar.interface.space_mortar import SpaceOperators
 
 
-class Evaluations:
+class Evaluations(AtLastOperators):
     """Materials of a step, and slip at the positions of the last operators; not in a pickle."""
 
-    def __init__(self) -> None:
-        self._materials: list[Material] | None = None
-        self._last: tuple[weakref.ref[Any], Any] | None = None
+    _materials: list[Material] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Nothing: what is kept is computed again (local)."""
-        return {"_materials": None, "_last": None}
+        return {}
 
     def materials(
         self,
@@ -79,41 +85,18 @@ class Evaluations:
             self._materials = [Material(*side) for side in sides]
         return self._materials
 
-    def at(self, o: Any, find: Callable[[Any], Any]) -> Any:
-        """The result of the function for operators ``o``, called once for the same ones."""
-        if self._last is None or self._last[0]() is not o:
-            self._last = weakref.ref(o), find(o)
-        return self._last[1]
-
 
 @dataclass(frozen=True, kw_only=True)
-class _Accepted(ABC):
+class _Accepted(AtStart, ABC):
     """An accepted state, equal on all ranks.
 
     Attributes:
-        x, m: Positions at that state, shapes (nodes, 3) [length].
         mirrored: Components of slave and master nodes across symmetry planes, shapes (nodes, 3),
             bool; ``None`` if surfaces do not rotate, with small sliding.
-        least: See ``slip.Partners``.
-        counted: Slip of the step that is counted at that state, shape (slave nodes, 3) [length].
-        shear: Tangential part of z at that state, zero where open, (slave nodes, 3) [stress].
-        pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
-        gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
-        turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
-        led: See ``slip.Partners``.
+        found: What is found from that state on.
     """
 
-    x: Array
-    m: Array
     mirrored: tuple[Flags, Flags] | None
-    least: Array
-    counted: Array
-    shear: Array
-    pressure: Array
-    gap: Array
-    facing: None = None
-    turns: tuple[Array, ...] = ()
-    led: Led | None = None
     found: Evaluations = field(default_factory=Evaluations, repr=False, compare=False)
 
     @abstractmethod
@@ -130,13 +113,6 @@ class _Accepted(ABC):
     def slip(self, o: Any) -> Array:
         """Slip since that state, shape (slave nodes, 3) [length]; collective as ``at``."""
         return self.at(o).slip + self.counted + (0.0 if self.led is None else self.led.way_at(o.x))
-
-
-def _accepted(o: Any, least: Array, mirrored: tuple[Flags, Flags] | None) -> dict[str, Any]:
-    """The state of operators, from which no slip is counted (local)."""
-    none = dict.fromkeys(("shear", "pressure", "gap"), np.zeros(len(o.x)))
-    counted = np.zeros_like(o.x)
-    return none | {"x": o.x, "m": o.m, "mirrored": mirrored, "least": least, "counted": counted}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,11 +192,7 @@ class SpacePartners(_Accepted):
         """
         found = self.at(o)
         by_vector, *by_spins = found.weights(along)
-        sides = zip((o.slave, o.master), self.entries, (1.0, -1.0), strict=True)
-        for surface, entries, sign in sides:
-            j, k, weights = entries.share(o.slave.comm)
-            values = sign * weights[:, None] * by_vector[j]
-            yield Block(j[:, None], surface.dofs[k], values[:, None])
+        yield from by_positions(o, self.entries, by_vector)
         yield from _by_led(self.led, o, along)
         if self.present.any():
             yield from o.vector_derivative(-self.present[:, None] * by_vector)
@@ -345,7 +317,7 @@ def find_obstacle_partners(
 ) -> ObstaclePartners:
     """Partners on an obstacle in space at the state of ``o`` (local); see ``SpacePartners``."""
     feet, place = o.obstacle.to_own_frame(o.nearest_points()), o.obstacle.place.copy()
-    return ObstaclePartners(feet=feet, place=place, **_accepted(o, least, mirrored))
+    return ObstaclePartners(feet=feet, place=place, mirrored=mirrored, **at_start(o, least))
 
 
 def find_space_partners(
@@ -362,18 +334,12 @@ def find_space_partners(
         o: Operators of the accepted state.
         faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
         measure: "operators", or "partners" for constant D and M.
-        least: See ``SpacePartners``.
+        least: See ``AtStart``.
         mirrored: See ``SpacePartners``.
     """
-    per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
-    scale = dia_array((per_weight[None], [0]), shape=(len(o.x),) * 2)
-    D, M = (csr_array(scale @ matrix) for matrix in o.matrices)
-    j = np.flatnonzero(~faces)
-    corners, weights = nearest_on_master(o, j)
-    at_nearest = coo_array((weights.ravel(), (np.repeat(j, 3), corners.ravel())), shape=M.shape)
-    D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
-    M = csr_array(M + at_nearest)
+    per_weight = per_weight_of(o, faces)
+    D, M = weights_of_partners(o, per_weight)
     present = per_weight if measure == "operators" else np.zeros(len(o.x))
     start = np.where(present[:, None] > 0.0, 0.0, D @ o.x - M @ o.m)
-    weight, state = np.where(faces, o.weight, 0.0), _accepted(o, least, mirrored)
-    return SpacePartners(D=D, M=M, start=start, weight=weight, present=present, **state)
+    given = at_start(o, least) | {"mirrored": mirrored, "weight": np.where(faces, o.weight, 0.0)}
+    return SpacePartners(D=D, M=M, start=start, present=present, **given)

@@ -197,7 +197,7 @@ class Tie(Interface):
                 f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
                 f"increase search_radius{self._periodic(self.pair.translation)}"
             )
-        values = {field.name: getattr(o, field.name) for field in fields(o)}
+        values = {field.name: getattr(o, field.name) for field in fields(o) if field.init}
         for name in {"dD", "dM", "dgap", "gap"} & values.keys():
             values[name] = np.zeros_like(values[name])
         values["linearization"] = Linearization(False, False, frozen=True)

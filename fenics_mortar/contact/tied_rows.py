@@ -40,7 +40,7 @@ from fenics_mortar.contact.interface import Components, acting_entries
 from fenics_mortar.contact.interface_fields import InterfaceFields, field
 from fenics_mortar.contact.rows import Frame, InterfaceRows, Rows
 from fenics_mortar.interface.faces import surface_of_vertices
-from fenics_mortar.interface.integrals import MortarOptions, PlaneOperators, evaluate_mortar
+from fenics_mortar.interface.integrals import MortarInput, PlaneOperators, evaluate_mortar
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators, evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
@@ -48,6 +48,7 @@ from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.utils.errors import SurfaceError
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.integrals import MortarOptions
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -444,13 +445,12 @@ def evaluate_reference(slave: Any, master: Any, nodes: Flags, options: MortarOpt
 
     There are no derivatives, and no normals of symmetry planes.
     """
-    evaluate: Any = evaluate_mortar
     no_planes = np.full((slave.num_nodes, 2), np.nan)
     if slave.dim == 3:
-        evaluate, no_planes = evaluate_space, np.tile(np.eye(3), (slave.num_nodes, 1, 1))
-    return evaluate(
-        slave, master, slave.X, master.X, nodes, no_planes, options, Linearization(False, False)
-    )
+        no_planes = np.tile(np.eye(3), (slave.num_nodes, 1, 1))
+    exact = Linearization(False, False)
+    given = MortarInput(slave, master, slave.X, master.X, nodes, no_planes, options, exact)
+    return evaluate_mortar(given) if slave.dim == 2 else evaluate_space(given)
 
 
 def rows_of(active: Flags, matrix: csr_array) -> csr_array:

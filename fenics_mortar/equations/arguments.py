@@ -91,12 +91,8 @@ def check_given_in_space(given: dict[str, Any]) -> None:
     """
     if given["u"].function_space.mesh.geometry.dim != 3:
         return
-    for what, needed in (
-        ("axisymmetric", given["geometry"] == "axisymmetric"),
-        ("thickness", given["thickness"] is not None),
-    ):
-        if needed:
-            refuse_in_space(what)
+    refuse_in_space("axisymmetric", needed=given["geometry"] == "axisymmetric")
+    refuse_in_space("thickness", needed=given["thickness"] is not None)
 
 
 def check_pairs_in_space(pairs: Sequence[Any]) -> None:
@@ -111,13 +107,9 @@ def check_pairs_in_space(pairs: Sequence[Any]) -> None:
     for pair in pairs:
         if pair.data.mesh.geometry.dim != 3:
             continue
-        integration = pair.discretization.integration
-        for what, needed in (
-            ("integration", integration != "segments"),
-            ("vertices", pair.discretization.basis == "vertices"),
-        ):
-            if needed:
-                refuse_in_space(what, f"{pair!r}")
+        choice, name = pair.discretization, f"{pair!r}"
+        refuse_in_space("integration", name, needed=choice.integration != "segments")
+        refuse_in_space("vertices", name, needed=choice.basis == "vertices")
 
 
 @dataclass(frozen=True)

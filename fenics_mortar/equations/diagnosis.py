@@ -11,6 +11,7 @@ Bodies and driven obstacles that do not come to rest get anchored springs, see `
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -29,7 +30,7 @@ from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.newton.loop import UNSETTLED, decreased
 from fenics_mortar.rigid.proximal import RIGID, Remaining
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags, Indices
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
@@ -121,6 +122,7 @@ class SetRecord:
         )
 
 
+@dataclass(eq=False)
 class Remedies:
     """Remedies in a solve that does not converge; all methods are collective.
 
@@ -133,15 +135,10 @@ class Remedies:
             were found.
     """
 
-    def __init__(
-        self,
-        floating: FloatingBodies,
-        residual: Residual,
-        set_record: SetRecord,
-        adopt_linearized_sets: Callable[[bool], bool],
-    ) -> None:
-        self._floating, self._residual, self._set_record = floating, residual, set_record
-        self._adopt_linearized_sets = adopt_linearized_sets
+    _floating: FloatingBodies
+    _residual: Residual
+    _set_record: SetRecord
+    _adopt_linearized_sets: Callable[[bool], bool]
 
     def replace_unsettled_sets(self) -> None:
         """Adopt the sets of the linearized problem if those of floating bodies cycle."""
@@ -193,6 +190,7 @@ def _reason(carried: Iterable[tuple[str, float, bool]]) -> str:
     )
 
 
+@dataclass(eq=False)
 class CombinedSprings:
     """Anchored springs of a problem; all methods are collective.
 
@@ -204,15 +202,10 @@ class CombinedSprings:
             state, see ``Residual.forces``.
     """
 
-    def __init__(
-        self,
-        floating: FloatingBodies,
-        obstacles: DrivenMotions,
-        stiffness: float,
-        forces: Callable[[], tuple[Array, Array, Array]],
-    ) -> None:
-        self._floating, self._obstacles = floating, obstacles
-        self._stiffness, self._forces = stiffness, forces
+    _floating: FloatingBodies
+    _obstacles: DrivenMotions
+    _stiffness: float
+    _forces: Callable[[], tuple[Array, Array, Array]]
 
     def anchor(self, elongation: float) -> None:
         """Anchor floating bodies and driven obstacles at their present positions.
@@ -267,13 +260,13 @@ def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: Float
     """
     found = []
     for field in range(bulk.space.whole.num_sub_spaces if bulk.space.is_mixed else 0):
-        part_of = None if field == bulk.space.part else _part_of_dofs(bulk, floating, field)
-        if part_of is None:
+        dofs = None if field == bulk.space.part else _part_of_dofs(bulk, floating, field)
+        if dofs is None:
             continue
         count = floating.num_parts
         links = list(_conducting(contacts, floating, field))
         group, _ = join_bodies(np.arange(count + 1), count + 1, links)
-        resistance = np.bincount(group, _resistance(bulk, part_of, count), count + 1)
+        resistance = np.bincount(group, _resistance(bulk, *dofs, count), count + 1)
         for label in np.unique(group[:count]):
             if label != group[count] and resistance[label] == 0.0:
                 parts = np.flatnonzero(group == label)
@@ -287,32 +280,43 @@ def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: Float
     return "; ".join(found)
 
 
-def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> Indices | None:
-    """Part of the mesh of each owned dof of a scalar field, -1 for others; ``None`` for vectors."""
+def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> tuple[Indices, Flags] | None:
+    """Part of the mesh of each owned dof, and whether it is of the field; ``None`` for vectors.
+
+    The part of dofs that are neither of the field nor of the displacement is -1.
+    """
     Q, numbers = compat.collapsed(bulk.space.whole.sub(field))
     if Q.dofmap.index_map_bs > 1 or Q.num_sub_spaces:
         return None
     cells = floating.parts[compat.dofmap(bulk.V)[:, :1]]
-    dofs = numbers[compat.dofmap(Q)]
     part_of = np.full(bulk.u.x.array.size, -1)
-    part_of[dofs] = cells
-    return part_of[: bulk.num_owned]
+    part_of[bulk.space.dofs] = floating.parts[:, None]
+    of_field = np.zeros(part_of.size, dtype=bool)
+    dofs = numbers[compat.dofmap(Q)]
+    part_of[dofs], of_field[dofs] = cells, True
+    return part_of[: bulk.num_owned], of_field[: bulk.num_owned]
 
 
-def _resistance(bulk: Bulk, part_of: Indices, count: int) -> Array:
+def _resistance(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
     """1 for parts whose equations or conditions resist a constant field, else 0, (count + 1,).
 
-    The last entry is that of no part. With ``bulk.K`` assembled anew.
+    A field without stiffness of its own, such as the pressure of incompressible bodies, is a
+    multiplier: its constant is resisted if it acts on displacements that are not prescribed. The
+    last entry is that of no part. With ``bulk.K`` assembled anew.
     """
     bulk.assemble_tangent()
-    ones, sizes = part_of >= 0, np.zeros((2, count + 1))
-    of_field, diagonal = products(bulk.K, 1.0 * ones[None])[0], bulk.K.getDiagonal().array_r
-    for size, values in zip(sizes, (of_field, diagonal), strict=True):
-        np.maximum.at(size, part_of[ones], np.abs(values[ones]))
-    response, own = largest_over_ranks(bulk.comm, sizes)
-    fixed = ones & bulk.prescribed[: ones.size]
-    prescribed = sum_over_ranks(bulk.comm, np.bincount(part_of[fixed], minlength=count + 1))
-    return np.where((prescribed > 0.0) | (response > ROUNDING * own), 1.0, 0.0)
+    response, diagonal = products(bulk.K, 1.0 * of_field[None])[0], bulk.K.getDiagonal().array_r
+    fixed = bulk.prescribed[: of_field.size]
+    moved = (part_of >= 0) & ~of_field
+    rows = (of_field, response), (of_field, diagonal), (moved & ~fixed, response), (moved, response)
+    sizes = np.zeros((len(rows), count + 1))
+    for size, (on, values) in zip(sizes, rows, strict=True):
+        np.maximum.at(size, part_of[on], np.abs(values[on]))
+    within, own, free, all_moved = largest_over_ranks(bulk.comm, sizes)
+    conditions = np.bincount(part_of[of_field & fixed], minlength=count + 1)
+    prescribed = sum_over_ranks(bulk.comm, conditions) > 0
+    resists = np.where(own > 0.0, within > ROUNDING * own, free > ROUNDING * all_moved)
+    return np.where(prescribed | resists, 1.0, 0.0)
 
 
 def _conducting(
@@ -439,15 +443,22 @@ def _describe_twice(contacts: Sequence[Interface]) -> str:
     return ""
 
 
-def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
-    """Describe nodes with shear without pressure that open and close; "" if none (local)."""
+def _wavering(
+    contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]
+) -> Iterator[tuple[Contact, Flags, Indices]]:
+    """Contacts with nodes that open and close, their active sets, (sets, n), and these nodes."""
     for i, contact in enumerate(contacts):
-        if not isinstance(contact, Contact):
-            continue
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+        if isinstance(contact, Contact) and wavers.size:
+            yield contact, active, wavers
+
+
+def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
+    """Describe nodes with shear without pressure that open and close; "" if none (local)."""
+    for contact, _, wavers in _wavering(contacts, recent):
         bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))
-        if wavers.size and 0.0 < bound[wavers[0]] < np.inf:
+        if 0.0 < bound[wavers[0]] < np.inf:
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' close and open repeatedly, one at "
                 f"{format_point(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits "
@@ -459,18 +470,25 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPair
 
 
 def _describe_alternating(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
-    """Describe nodes that open and close in turn for coarse facets; "" if none (local)."""
-    for i, contact in enumerate(contacts):
-        active = np.array([sets[i][0] for sets in recent])
+    """Describe nodes that open and close in turn, and why; "" if none (local)."""
+    for contact, active, wavers in _wavering(contacts, recent):
         count = len(active)
-        turns = any((active[: count - k] == active[k:]).all() for k in range(2, count))
-        wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        if isinstance(contact, Contact) and turns and wavers.size:
+        if any((active[: count - k] == active[k:]).all() for k in range(2, count)):
             exchange = ", exchange slave and master" * (contact.obstacle is None)
+            why = (
+                "neither set may be a solution on facets within which the sides bend apart, as at "
+                f"a tip or an edge; refine '{contact.slave.name}' there{exchange}"
+                f"{or_other_weights(contact)}"
+            )
+            for flux in contact.fluxes:
+                if flux.law.jumps:
+                    why = (
+                        f"{flux.law!r} jumps at closing, and bodies that shrink by what flows open "
+                        "again, so that there may be no such state; take a conductance that "
+                        "begins with the pressure, as PressureConductance"
+                    )
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' open and close in turn, one at "
-                f"{format_point(contact.operators.x[wavers[0]])}: neither set may be a solution on "
-                "facets within which the sides bend apart, as at a tip or an edge; refine "
-                f"'{contact.slave.name}' there{exchange}{or_other_weights(contact)}"
+                f"{format_point(contact.operators.x[wavers[0]])}: {why}"
             )
     return ""

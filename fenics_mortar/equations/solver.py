@@ -222,7 +222,8 @@ class Solver:
             try:
                 moved = self._move()
                 report = self._lead_by_solution(self._solve())
-                return report, moved + e.floating.settling.check(e.idle.reach())
+                moved += e.floating.settling.check(e.idle.reach())
+                break
             except MortarError as error:
                 if failed is not None:
                     raise failed from error
@@ -232,7 +233,7 @@ class Solver:
             e.idle.end()
             e.springs.remove_springs()
             e.restore(start)
-        raise AssertionError
+        return report, moved
 
     def _move(self) -> list[str]:
         """Rigid moves before a solve; sentences on moved bodies."""

@@ -307,8 +307,14 @@ def nearest_on_master(o: Any, nodes: Indices) -> tuple[Indices, Array]:
     """Points of the master nearest to slave nodes at the state of ``o``; see ``nearest_points``.
 
     On a surface in contact with itself, of a part that faces the node and is its master. Where no
-    such part is near, the node itself.
+    such part is near, the node itself. In the plane they may be on the line of a facet, beyond an
+    end of the surface: nodes (k, 2) and weights (k, 2).
     """
+    if o.slave.dim == 2:
+        roles = o.slave.roles
+        candidates = None if roles is None else roles.masters_of_nodes(o.slave.facets, nodes)
+        ends, fraction = nearest_facets(o.x[nodes], o.m, o.master, candidates)
+        return ends, np.stack([1.0 - fraction, fraction], axis=1)
     near = _nodes_of_masters(o, nodes) if o.slave.roles is not None else None
     return nearest_points(o.x[nodes], o.m, o.master, near)
 

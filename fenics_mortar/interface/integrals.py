@@ -173,7 +173,9 @@ def find_segments(
         sight = (behind[:3], behind.outline, ROUNDING)
         arguments = *search_for, *sight, limits, roles, slave.functions_move
         (offsets, masters, fixed, ends), couples = search.find_segments_within(*arguments)
-        rules = _same_rule(ends, fixed, points)
+        spans = np.empty(ends.shape, np.int64)
+        spans[:] = 0, points
+        rules = _Rules(ends, fixed, *gauss_rule(points), spans)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
@@ -227,13 +229,6 @@ class _Rules(NamedTuple):
     points: Array
     weights: Array
     spans: Indices
-
-
-def _same_rule(ends: Array, fixed: Flags, points: int) -> _Rules:
-    """The same Gauss rule for all segments, with these ``ends`` (n, 2), whether fixed (n, 2)."""
-    spans = np.empty(ends.shape, np.int64)
-    spans[:] = 0, points
-    return _Rules(ends, fixed, *gauss_rule(points), spans)
 
 
 def _runs(
@@ -318,7 +313,7 @@ def evaluate_normals(
     x: Array,
     weighting: Weighting,
     links: tuple[Indices, ...] | None = None,
-    projectors: Array | None = None,
+    planes: Array | None = None,
 ) -> tuple[Array, Array]:
     """Averaged unit normals of nodes, and their derivatives (local).
 
@@ -328,8 +323,8 @@ def evaluate_normals(
         weighting: Weights of the facet normals at a node.
         links: Nodes before and after each node of a curve, (n,) each, or in space the facets around
             each node, see ``Faces.around``, if not those of the surface.
-        projectors: Matrices that remove the components along symmetry planes' normals, in space
-            only, shape (n, 3, 3).
+        planes: Normals that replace those of nodes on symmetry planes, nan elsewhere, shape (n, 2);
+            in space matrices that remove components of normals, shape (n, 3, 3).
 
     Returns:
         Normals (n, dim) and derivatives by the nodes of the stencil, (n, dim, dim s) [1 / length];
@@ -340,11 +335,68 @@ def evaluate_normals(
     if surface.dim == 2:
         links = (surface.previous, surface.following) if links is None else links
         projection.tabulate_normals(x, *links, surface.inner, choice, n, dn)
+        if planes is not None and (on := np.isfinite(planes[:, 0])).any():
+            n[on], dn[on] = planes[on], 0.0
     else:
         space_normals.tabulate_normals(
-            x, surface.facets, links or surface.around, surface.stencil, choice, projectors, n, dn
+            x, surface.facets, links or surface.around, surface.stencil, choice, planes, n, dn
         )
     return n, dn
+
+
+class MortarInput(NamedTuple):
+    """Two surfaces at given positions, and what of them is evaluated.
+
+    Attributes:
+        slave: The side that carries the multiplier.
+        master: The side projected to, without nodes on an obstacle.
+        x: Current positions of the slave nodes, shape (slave nodes, dim) [length].
+        m: Current positions of the master nodes, shape (master nodes, dim) [length].
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
+            functions of other nodes are handed over to their neighbours.
+        planes: See ``evaluate_normals``; the normals of an obstacle are replaced likewise.
+        options: Discretization.
+        linearization: Derivatives to evaluate; the others are zero.
+        behind: Limits of the search behind the slave facets at these positions.
+        searched: Operators at the same positions and with the same linearization, but other
+            multiplier nodes: their normals and segments are used if the facets are equal.
+    """
+
+    slave: Any
+    master: Any
+    x: Array
+    m: Array
+    multiplier_nodes: Flags
+    planes: Array
+    options: MortarOptions
+    linearization: Linearization
+    behind: BodiesBehind | None = None
+    searched: Any = None
+
+
+def choose_facets(given: MortarInput) -> tuple[Indices, Any, tuple[Array, Array]]:
+    """This rank's share of the facets with multipliers, and their normals (local).
+
+    Returns:
+        The facets, shape (f,); the segments of ``searched``, if these are those of the facets, else
+        ``None``; normals of all slave nodes [1] and their derivatives [1/length].
+    """
+    slave, options, searched = given.slave, given.options, given.searched
+    used, links = given.multiplier_nodes[slave.facets].any(axis=1), None
+    if options.corners:
+        at = given.x, given.master, given.m
+        in_plane = slave.dim == 2
+        links, alone = (
+            links_at_corners(slave, *at)
+            if in_plane
+            else slave.sharp_edges.choose(*at, options.radius)
+        )
+        used &= ~alone
+    share = share_of(used.nonzero()[0], slave.comm)
+    if searched is not None and np.array_equal(searched.segments.facets, share):
+        return share, searched.segments, (searched.n, searched.dn)
+    n, dn = evaluate_normals(slave, given.x, options.weighting, links, given.planes)
+    return share, None, (n, dn if given.linearization.normals else np.zeros_like(dn))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -474,52 +526,11 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
     return items[bounds[0] : bounds[1]]
 
 
-def evaluate_mortar(
-    slave: Curve,
-    master: Curve,
-    x: Array,
-    m: Array,
-    multiplier_nodes: Flags,
-    prescribed_normals: Array,
-    options: MortarOptions,
-    linearization: Linearization,
-    behind: BodiesBehind | None = None,
-    searched: PlaneOperators | None = None,
-) -> PlaneOperators:
-    """Evaluate the mortar operators at current positions (collective).
-
-    Args:
-        slave: The side that carries the multiplier.
-        master: The side projected to.
-        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
-        m: Current positions of the master nodes, shape (master nodes, 2) [length].
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
-            functions of other nodes are handed over to their neighbours.
-        prescribed_normals: Normals that replace the averaged ones, shape (slave nodes, 2); nan
-            where none is prescribed.
-        options: Discretization.
-        linearization: Derivatives to evaluate; the others are zero.
-        behind: Limits of the search behind the slave facets at these positions.
-        searched: Operators at the same positions and with the same linearization, but other
-            multiplier nodes: their normals and segments are used if the facets are equal.
-
-    Returns:
-        The operators.
-    """
-    used, links = multiplier_nodes[slave.facets].any(axis=1), None
-    if options.corners:
-        links, alone = links_at_corners(slave, x, master, m)
-        used &= ~alone
-    share = share_of(used.nonzero()[0], slave.comm)
-    if searched is not None and np.array_equal(searched.segments.facets, share):
-        n, dn, s = searched.n, searched.dn, searched.segments
-    else:
-        n, dn = evaluate_normals(slave, x, options.weighting, links)
-        given = np.isfinite(prescribed_normals[:, 0])
-        if given.any():
-            n[given], dn[given] = prescribed_normals[given], 0.0
-        if not linearization.normals:
-            dn = np.zeros_like(dn)
+def evaluate_mortar(given: MortarInput) -> PlaneOperators:
+    """Evaluate the mortar operators of curves at current positions (collective)."""
+    slave, master, x, m, multiplier_nodes, _, options, linearization, behind, _ = given
+    share, s, (n, dn) = choose_facets(given)
+    if s is None:
         s = find_segments(slave, master, x, n, m, share, options, behind)
     nodes = slave.facets[share]
     thickness = slave.thickness.for_kernels if slave.thickness else None

@@ -35,7 +35,7 @@ from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.kernels.blocks import add_contact_forces
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.ranks import from_all_ranks, sum_over_ranks
 
 
 class Block(NamedTuple):
@@ -204,11 +204,7 @@ class MortarOperators(ABC):
         """Sum of the blocks (b, K, K') of all ranks without zeros (collective)."""
         used = values != 0.0
         i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-        mine = i[used], j[used], values[used]
-        if self.slave.comm.size > 1:
-            gathered = self.slave.comm.allgather(mine)
-            mine = tuple(np.concatenate(column) for column in zip(*gathered, strict=True))
-        i, j, v = mine
+        i, j, v = from_all_ranks(self.slave.comm, (i[used], j[used], values[used]))
         return coo_array((v, (i, j)), shape=shape).tocsr()
 
     def reaction(self, z: Array) -> tuple[Array, Array]:

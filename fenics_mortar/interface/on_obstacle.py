@@ -24,12 +24,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.interface.faces import Faces, covers
+from fenics_mortar.interface.faces import covers
 from fenics_mortar.interface.integrals import (
+    MortarInput,
     MortarOptions,
     PlaneOperators,
     Segments,
@@ -52,68 +53,93 @@ from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.interface.mortar import Linearization
-    from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
-def integrate_facets(
-    obstacle: Obstacle,
-    arm: float,
-    x: Array,
-    weights: Array,
-    rule: tuple[Array, Array],
-    options: MortarOptions,
-    thickness: tuple[Array, float] | None = None,
-) -> tuple[Array, Array, Array, Array, Array, Array]:
+class OnFacets(NamedTuple):
+    """Whole facets of K nodes, with q points of each, and the functions on them.
+
+    Attributes:
+        x: Current positions of the nodes, shape (f, K, dim) [length].
+        functions: H, shape (f, K, K).
+        T: Shape functions at the points and their derivatives, see ``tabulate``, (q, dim, K).
+        weights: Weights of the points, shape (q,).
+        kinds: Basis and weights of the gap, see ``MortarOptions``.
+        thickness: Thickness at the nodes, shape (f, K) [length], and its derivative with respect to
+            their first coordinate [1]; one by default.
+    """
+
+    x: Array
+    functions: Array
+    T: Array
+    weights: Array
+    kinds: tuple[int, int]
+    thickness: tuple[Array, float] | None = None
+
+    def integrate(self, values: Array, rows: Array) -> tuple[Array, ...]:
+        """D, g, d, dD (f, K K, C) and dg (f, K, C), see ``integrate_facets`` (local).
+
+        Args:
+            values: W and g at the points, shape (f, q, 2).
+            rows: Derivatives of xi, W, eta and g as of two surfaces, shape (f, q, 2 dim, C).
+        """
+        (count, size, _), kind, columns = self.x.shape, rows.dtype, rows.shape[3]
+        D, g, d = np.zeros((count, size, size), kind), *np.zeros((2, count, size), kind)
+        dD, dg = np.empty((count, size**2, columns), kind), np.empty((count, size, columns), kind)
+        facets.integrate_whole_facets(
+            (values, rows, self.T), self.functions, self.kinds, (D, g, d), (dD, dg)
+        )
+        return D, g, d, dD, dg
+
+
+def on_facets(given: Any, x: Array, nodes: Indices, rule: tuple[Array, Array]) -> OnFacets:
+    """Facets of a slave, with multipliers and options of a contact (local).
+
+    Args:
+        given: The contact, or a ``MortarInput``.
+        x: Positions of the slave nodes, shape (slave nodes, dim) [length].
+        nodes: Nodes of the facets, shape (f, K).
+        rule: Points and weights, see ``whole_rule``.
+    """
+    slave, options, thickness = given.slave, given.options, None
+    if slave.thickness is not None:
+        thickness = slave.thickness.at(x)[nodes], slave.thickness.by_x
+    functions = hand_over(given.multiplier_nodes[nodes], slave.dim, options.basis)
+    T = tabulate(rule[0], nodes.shape[1])
+    return OnFacets(x[nodes], functions, T, rule[1], options.kinds, thickness)
+
+
+def integrate_facets(given: OnFacets, obstacle: Obstacle, arm: float) -> tuple[Array, ...]:
     """Integrals over f whole facets of K nodes, with C = dim K columns, its dofs (local).
 
     Args:
+        given: The facets.
         obstacle: The other side.
         arm: Length by which angles are multiplied [length].
-        x: Current positions of the nodes, shape (f, K, dim) [length].
-        weights: H, shape (f, K, K).
-        rule: Points on [-1, 1], (q,), in space on the reference facet, (q, 2), and weights (q,).
-        options: Discretization, for basis and weights of the gap.
-        thickness: Thickness at the nodes, shape (f, K) [length], and its derivative with respect to
-            their first coordinate [1]; one by default.
 
     Returns:
         D (f, K, K) [length], dD (f, K, K, C) [1], g (f, K) [length^2], dg (f, K, C) [length], dg by
         the m motions (f, K, m) [length], d (f, K) [length]; in space of areas instead of lengths.
     """
-    count, size, _ = x.shape
-    T = tabulate(rule[0], size)
-    values, rows = _points(obstacle, arm, x, rule, T, thickness)
-    kind, columns = rows.dtype, rows.shape[3]
-    D, g, d = np.zeros((count, size, size), kind), *np.zeros((2, count, size), kind)
-    dD, dg = np.empty((count, size**2, columns), kind), np.empty((count, size, columns), kind)
-    facets.integrate_whole_facets((values, rows, T), weights, options.kinds, (D, g, d), (dD, dg))
-    own = size * x.shape[2]
+    count, size, dim = given.x.shape
+    own = size * dim
+    D, g, d, dD, dg = given.integrate(*_points(given, obstacle, arm))
     dD = dD[..., :own].reshape(count, size, size, own)
     return D, dD, g, np.ascontiguousarray(dg[..., :own]), dg[..., own:], d
 
 
-def _points(
-    obstacle: Obstacle,
-    arm: float,
-    x: Array,
-    rule: tuple[Array, Array],
-    T: Array,
-    thickness: tuple[Array, float] | None,
-) -> tuple[Array, Array]:
+def _points(given: OnFacets, obstacle: Obstacle, arm: float) -> tuple[Array, Array]:
     """W and g at points of facets, (f, q, 2), and derivatives (local).
 
     The latter, of xi, W, eta and g as of two surfaces, (f, q, s, dim K + m), have the nodes and the
-    m motions as columns; xi and eta are constant. ``T`` (q, dim, K): shape functions; other
-    arguments: see ``integrate_facets``.
+    m motions as columns; xi and eta are constant. For the arguments see ``integrate_facets``.
     """
+    x, _, T, weights, _, thickness = given
     N, size, dim = T[:, 0].T, x.shape[1], x.shape[2]
     at = np.einsum("kp,ekc->epc", N, x)
     J, slopes = measures(x, T)
-    W = rule[1] * J
+    W = weights * J
     phi, gradient, _ = obstacle.evaluate(at.reshape(-1, dim))
     V = obstacle.motions(at.reshape(-1, dim), arm).reshape(*J.shape, obstacle.place.size, dim)
     shape = *J.shape, 2 * dim, dim * size + V.shape[2]
@@ -121,7 +147,7 @@ def _points(
     by_nodes = rows[..., : dim * size].reshape(*J.shape, 2 * dim, size, dim)
     gradient = gradient.reshape(at.shape)
     dW = sum(
-        np.einsum("p,epc,kp->epkc", rule[1], slope, T[:, 1 + a].T) for a, slope in enumerate(slopes)
+        np.einsum("p,epc,kp->epkc", weights, slope, T[:, 1 + a].T) for a, slope in enumerate(slopes)
     )
     if thickness is not None:
         theta = thickness[0] @ N
@@ -159,50 +185,34 @@ def measures(x: Array, T: Array) -> tuple[Array, list[Array]]:
 def points_of(x: Array, points: Array) -> Array:
     """Positions of points of facets ``x`` (f, K, dim): (f, q, dim) [length] (local).
 
-    ``points``: as those of the rule of ``integrate_facets``.
+    ``points``: as those of ``whole_rule``.
     """
     return np.einsum("kp,ekc->epc", tabulate(points, x.shape[1])[:, 0].T, x)
 
 
-def gaps_along(
-    x: Array,
-    weights: Array,
-    rule: tuple[Array, Array],
-    options: MortarOptions,
-    thickness: tuple[Array, float] | None,
-    distances: Array,
-) -> Array:
+def gaps_along(given: OnFacets, distances: Array) -> Array:
     """Change of the weighted gaps with the distances at q points of f facets (local).
 
     The directions are the columns of the points' derivatives.
 
     Args:
-        x: See ``integrate_facets``.
-        weights: See ``integrate_facets``.
-        rule: See ``integrate_facets``.
-        options: See ``integrate_facets``.
-        thickness: See ``integrate_facets``.
+        given: The facets.
         distances: Changes of the distances in m directions, shape (m, f, q) [length].
 
     Returns:
         Shape (m, f, K) [length^2].
     """
-    (count, size, dim), number, points = x.shape, len(distances), len(rule[1])
-    T = tabulate(rule[0], size)
-    values = np.zeros((count, points, 2))
-    values[..., 0] = rule[1] * measures(x, T)[0]
-    if thickness is not None:
-        values[..., 0] *= thickness[0] @ T[:, 0].T
-    rows = np.zeros((count, points, 2 * dim, number))
+    number, *shape = distances.shape
+    values, rows = np.zeros((*shape, 2)), np.zeros((*shape, 2 * given.x.shape[2], number))
+    values[..., 0] = given.weights * measures(given.x, given.T)[0]
+    if given.thickness is not None:
+        values[..., 0] *= given.thickness[0] @ given.T[:, 0].T
     rows[:, :, -1] = np.moveaxis(distances, 0, 2)
-    D, g, d = np.zeros((count, size, size)), *np.zeros((2, count, size))
-    dD, dg = np.empty((count, size**2, number)), np.empty((count, size, number))
-    facets.integrate_whole_facets((values, rows, T), weights, options.kinds, (D, g, d), (dD, dg))
-    return np.moveaxis(dg, 2, 0)
+    return np.moveaxis(given.integrate(values, rows)[4], 2, 0)
 
 
 def whole_rule(options: MortarOptions, degree: int, size: int) -> tuple[Array, Array]:
-    """Points and weights of whole facets of ``size`` nodes; see ``integrate_facets`` (local)."""
+    """Points and weights of whole facets of ``size`` nodes; see ``facet_rule`` (local)."""
     if size == degree + 1:  # in the plane
         return facet_rule(options.integration, size, options.points)
     return face_rule(size, options.points)
@@ -389,34 +399,15 @@ class ObstacleOperators(PlaneOperators):
         return gaps[deepest], points_of(x[s.slave], points)[deepest]
 
 
-def evaluate_obstacle(
-    slave: Curve | Faces,
-    master: Curve | Faces,
-    obstacle: Obstacle,
-    arm: float,
-    x: Array,
-    multiplier_nodes: Flags,
-    planes: Array,
-    options: MortarOptions,
-    linearization: Linearization,
-) -> ObstacleOperators:
+def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> ObstacleOperators:
     """Evaluate the operators of an obstacle at current positions (collective).
 
     Args:
-        slave: The side that carries the multiplier.
-        master: Surface without nodes.
+        given: The slave, and a master without nodes.
         obstacle: The other side.
         arm: Length by which angles are multiplied [length].
-        x: Current positions of the slave nodes, shape (slave nodes, d) [length].
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        planes: Normals that replace the obstacle's, nan where none does, shape (slave nodes, 2); in
-            space matrices that remove components of normals, shape (slave nodes, 3, 3).
-        options: Discretization.
-        linearization: Derivatives to evaluate; the others are zero.
-
-    Returns:
-        The operators.
     """
+    slave, master, x, _, multiplier_nodes, planes, options, linearization, _, _ = given
     distance = f"the distance of '{obstacle.name}'"  # each rank evaluates other points
     size, dim = slave.facets.shape[1], slave.dim
     rule = whole_rule(options, slave.degree, size)
@@ -426,16 +417,13 @@ def evaluate_obstacle(
         facets = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
         facets = facets[facing_facets(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
-        weights = hand_over(multiplier_nodes[nodes], dim, options.basis)
-        thickness = facet_thickness(slave, x, nodes)
-        of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
-        return normals, facets, of_facets
+        return normals, facets, integrate_facets(on_facets(given, x, nodes, rule), obstacle, arm)
 
     normals, facets, of_facets = call_together(slave.comm, distance, of_share)
     phi, n, dn, dn_dq = normals
     if dim == 2:
-        given = np.isfinite(planes[:, 0])
-        n[given], dn[given], dn_dq[given] = planes[given], 0.0, 0.0
+        fixed = np.isfinite(planes[:, 0])
+        n[fixed], dn[fixed], dn_dq[fixed] = planes[fixed], 0.0, 0.0
     if not linearization.normals:
         dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
     D, dD, gap, dgap, by_motions, cover = of_facets
@@ -459,13 +447,6 @@ def evaluate_obstacle(
         weight=weight, num_segments=slave.comm.allreduce(count), linearization=linearization,
         obstacle=obstacle, arm=arm, phi=phi, V=V, dn_dq=dn_dq, dgap_dq=dgap_dq,
     )  # fmt: skip
-
-
-def facet_thickness(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
-    """Thickness at ``nodes`` (f, K) [length], and its derivative [1]; ``None`` without one."""
-    if slave.thickness is None:
-        return None
-    return slave.thickness.at(x)[nodes], slave.thickness.by_x
 
 
 def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> Segments:

@@ -29,14 +29,14 @@ Evaluation of the mortar operators in space: normals, pairs of facets, integrals
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from fenics_mortar.interface.faces import Faces, covers
-from fenics_mortar.interface.integrals import evaluate_normals, share_of, sum_over_facets
+from fenics_mortar.interface.integrals import MortarInput, choose_facets, sum_over_facets
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
 from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
@@ -49,7 +49,6 @@ from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
-    from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.interface.surfaces import FaceRoles
 
 # Least eigenvalue of a scaled mass matrix over its largest [1] whose functions are independent:
@@ -141,30 +140,19 @@ class SpaceOperators(MortarOperators):
     gap_by_dual: bool
     rule: tuple[Array, Array]
     offset: Array
+    # derivatives found so far, and the multipliers ``z`` (slave nodes, c) of the forces
+    _found: dict[str, Array] = field(default_factory=dict, init=False, compare=False)
+    # the last two results of ``near``: with multipliers that act, and with slip
+    _near: dict[bytes, Self] = field(default_factory=dict, init=False, compare=False)
 
     @cached_property
     def columns(self) -> Indices:
         """Displacement dofs of the columns of each facet, -1 for none, shape (f, 3 (K + L))."""
-        on_slave = self.slave.dofs_of(self.facet_nodes)
-        return np.concatenate([on_slave, self._master_dofs], axis=1)
-
-    @cached_property
-    def _master_dofs(self) -> Indices:
-        """Displacement dofs of the master nodes that each facet faces, (f, 3 L); -1 for none."""
-        return np.asarray(self.master.dofs_of(self.segments.merged))
-
-    @cached_property
-    def _found(self) -> dict[str, Array]:
-        """Derivatives found so far, and the multipliers ``z`` (slave nodes, c) of the forces."""
-        return {}
-
-    @cached_property
-    def _near(self) -> dict[bytes, Self]:
-        """The last two results of ``near``: with multipliers that act, and with slip."""
-        return {}
+        sides = self.slave.dofs_of(self.facet_nodes), self.master.dofs_of(self.segments.merged)
+        return np.concatenate(sides, axis=1)
 
     def near(self, nodes: Flags) -> Self:
-        """See ``MortarOperators``."""
+        """See ``MortarOperators``: nodal values and the number of segments are those of all."""
         used = nodes[self.facet_nodes].any(axis=1)
         if used.all():
             return self
@@ -172,24 +160,14 @@ class SpaceOperators(MortarOperators):
         if key not in self._near:
             for older in list(self._near)[:-1]:
                 del self._near[older]
-            self._near[key] = self._of_facets(used)
+            pairs = used[self.segments.owner]
+            chosen = (used, used, used, pairs, used, used)
+            self._near[key] = replace(
+                self, segments=self.segments.of_facets(used), D=self.D[used], M=self.M[pairs],
+                moments=Moments(*(m[on] for m, on in zip(self.moments, chosen, strict=True))),
+                H=self.H[used], A=self.A[used],
+            )  # fmt: skip
         return self._near[key]
-
-    def _of_facets(self, used: Flags) -> Self:
-        """Operators with the facets ``used`` (f,) of this share only (local).
-
-        Nodal values and the number of segments are those of all.
-        """
-        moments, segments = self.moments, self.segments.of_facets(used)
-        pairs = used[self.segments.owner]
-        own = Moments(
-            moments.De[used], moments.Me[used], moments.G[used], moments.B[pairs],
-            moments.inverse[used], moments.complete[used],
-        )  # fmt: skip
-        return replace(
-            self, segments=segments, moments=own, D=self.D[used], M=self.M[pairs], H=self.H[used],
-            A=self.A[used],
-        )  # fmt: skip
 
     def linearize_at(self, z: Array) -> None:
         """Compute the derivatives of weights and gaps, and those of the forces of ``z`` (local).
@@ -504,35 +482,14 @@ def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices
 LEAST_WEIGHT = 0.5
 
 
-def evaluate_space(
-    slave: Faces,
-    master: Faces,
-    x: Array,
-    m: Array,
-    multiplier_nodes: Flags,
-    projectors: Array,
-    options: MortarOptions,
-    linearization: Linearization,
-    behind: BodiesBehind | None = None,
-    searched: SpaceOperators | None = None,
-) -> SpaceOperators:
-    """Evaluate the mortar operators at current positions (collective).
+def evaluate_space(given: MortarInput) -> SpaceOperators:
+    """Evaluate the mortar operators of faces at current positions (collective).
 
-    Arguments are those of ``evaluate_mortar``, with positions (n, 3) and ``projectors`` of
-    ``evaluate_normals``. Functions of nodes without multiplier are handed over to the others of
-    their facets.
+    Functions of nodes without multiplier are handed over to the others of their facets.
     """
-    used, around = multiplier_nodes[slave.facets].any(axis=1), None
-    if options.corners:
-        around, alone = slave.sharp_edges.choose(x, master, m, options.radius)
-        used &= ~alone
-    share = share_of(used.nonzero()[0], slave.comm)
-    if searched is not None and np.array_equal(searched.segments.facets, share):
-        n, dn, s = searched.n, searched.dn, searched.segments
-    else:
-        n, dn = evaluate_normals(slave, x, options.weighting, around, projectors)
-        if not linearization.normals:
-            dn = np.zeros_like(dn)
+    slave, master, x, m, multiplier_nodes, _, options, linearization, behind, _ = given
+    share, s, (n, dn) = choose_facets(given)
+    if s is None:
         s = find_pairs(slave, master, x, m, share, options, behind)
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     De, Me, G, B, complete = _integrate((x, n, m), nodes, s, rule)

@@ -55,6 +55,7 @@ from fenics_mortar.mesh.space import cells_of_facets
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import summed
 from fenics_mortar.utils.errors import SurfaceError, count_points
+from fenics_mortar.utils.ranks import from_all_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace, NodalThickness
@@ -436,8 +437,7 @@ def facets_of_all_ranks(
     to_global = V.dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
     x = V.tabulate_dof_coordinates()[local, : V.mesh.geometry.dim]
     parts = to_global, x, values[local], to_global[number.reshape(mine.shape)]
-    everywhere = zip(*V.mesh.comm.allgather(parts), strict=True)
-    nodes, X, of_nodes, facets = (np.concatenate(part) for part in everywhere)
+    nodes, X, of_nodes, facets = from_all_ranks(V.mesh.comm, parts)
     nodes, first = np.unique(nodes, return_index=True)
     return nodes, X[first], of_nodes[first], np.searchsorted(nodes, facets)
 

@@ -30,7 +30,7 @@ from fenics_mortar.contact.interface import place_of
 from fenics_mortar.contact.interface_fields import INDEPENDENT
 from fenics_mortar.contact.law_calls import instant_arrays, restore_instant
 from fenics_mortar.io.paraview import check_problem
-from fenics_mortar.mesh.space import mesh_by_input_node
+from fenics_mortar.mesh.space import mesh_by_input_node, set_by_input_node
 from fenics_mortar.utils.arrays import ROUNDING
 from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
@@ -90,7 +90,8 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     wrong = next(_misfits(data, _arrays_of(problem)), "")
     if wrong:
         raise MortarError(f"'{file}' {wrong}")
-    problem.equations.bulk.set_by_input_node(data["nodes"], data["u"])
+    bulk = problem.equations.bulk
+    set_by_input_node(bulk.space, bulk.u, data["nodes"], data["u"])
     kept: dict[str, list[Any]] = {
         name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in SAVED
     }
@@ -100,13 +101,12 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         values = {name: kept[name][i] for name in INDEPENDENT}
         contact.change(**{name: value[()] for name, value in values.items()})
         restore_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
-    inertia = problem.equations.bulk.inertia
-    if inertia is not None:
-        inertia.restore_data(data, problem.equations.bulk.u.x.array)
+    if bulk.inertia is not None:
+        bulk.inertia.restore_data(data, bulk.values)
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
-    problem.equations.bulk.history.restore_data(data)
+    bulk.history.restore_data(data)
     if problem.equations.model_check is not None:
         problem.equations.model_check.restore_data(problem, data)
 

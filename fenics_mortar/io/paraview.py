@@ -99,7 +99,7 @@ def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
         contact: A pair of ``evaluated_contacts``.
         u: Displacement, shape (local dofs,) [length].
     """
-    o, friction = contact.operators, dict[str, Any]()
+    o, now, friction = contact.operators, contact.now, dict[str, Any]()
     if isinstance(contact, Contact):
         friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
         friction |= {f"memory_{name}": v for name, v in contact.accepted_instant.memory.items()}
@@ -111,20 +111,12 @@ def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
         | {
             "displacement": contact.slave.gather(u),
             "contact_pressure": contact.pressure,
-            "tangential_traction": _tangential(contact),
+            "tangential_traction": np.array(now.shear if o.slave.dim == 3 else now.z_tau),
             "gap": contact.gap,
             "status": contact.active.astype(np.int32),
             "normal": o.n,
         }
     )
-
-
-def _tangential(contact: Contact | Tie) -> Array:
-    """Tangential traction [stress]: along tau in the plane, (n,), a vector in space, (n, 3)."""
-    o, z = contact.operators, contact.z_u
-    if z.shape[1] == 2:
-        return np.asarray(np.einsum("jc,jc->j", o.tau, z))
-    return np.asarray(z - (z * o.n).sum(axis=1)[:, None] * o.n)
 
 
 class CellField:

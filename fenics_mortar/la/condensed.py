@@ -52,7 +52,14 @@ from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
-from fenics_mortar.la.options import ITERATIVE, SMALL, Algorithm, SolverName, costs_of
+from fenics_mortar.la.options import (
+    ITERATIVE,
+    ITERATIVE_IN_SPACE,
+    SMALL,
+    Algorithm,
+    SolverName,
+    costs_of,
+)
 from fenics_mortar.la.sparse import (
     BlockMatrix,
     Entries,
@@ -477,7 +484,8 @@ def system_of(
     small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
     if small:
         reason += f", at most {costs_of(bulk.space.dim).few:,} on one rank"
-    defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else ITERATIVE
+    iterative = ITERATIVE if bulk.space.dim == 2 else ITERATIVE_IN_SPACE
+    defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else iterative
 
     def create() -> LinearSystem:
         system = form(bulk, contacts, prefix, defaults | (options or {}))

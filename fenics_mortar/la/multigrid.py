@@ -363,7 +363,7 @@ class ContactPreconditioner:
         self._idle, self._R = (BlockMatrix(bulk.comm, size, size, block_size) for _ in range(2))
         self._strip = Strip(bulk, f"{prefix}strip_", multipliers or 0)
         self._contact_dofs: Any = None
-        self._loaded = np.empty(0, np.int64)  # dofs of the parts whose multipliers act
+        self._loaded = np.empty(0, np.int64)  # dofs of the parts that the cycle was built for
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
@@ -401,24 +401,28 @@ class ContactPreconditioner:
     def _move_strip(self, *, of_cycle: bool) -> None:
         """Put the strip along the surfaces, in space along the parts whose multipliers act.
 
-        In the plane the order of elimination is kept instead, see ``Strip``.
+        In the plane the order of elimination is kept instead, see ``Strip``. With the same sets the
+        strip remains, and so do its factors, while it has all of these parts.
 
         Args:
-            of_cycle: Whether also along the parts where they have acted since the cycle was built:
-                where nodes have left the contact, it is as stiff as if they were still in it.
+            of_cycle: Whether also along the parts where they acted when the cycle was built: where
+                nodes have left the contact since, it is as stiff as if they were still in it.
         """
         bulk, contacts = self._bulk, self._contacts
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
         dofs = dofs_of(surfaces)
         if bulk.space.dim == 3:
             everywhere = bulk.comm.allgather([d for c in contacts for d in _loaded_dofs(c)])
-            before = self._loaded if of_cycle else self._loaded[:0]
-            self._loaded = np.unique(np.concatenate([before, *chain(*everywhere)]))
-            if self._loaded.size:
-                dofs = np.intersect1d(dofs, self._loaded - bulk.first)
+            loaded = np.unique(np.concatenate([self._loaded[:0], *chain(*everywhere)]))
+            if not of_cycle:
+                self._loaded = loaded
+            loaded = np.union1d(loaded, self._loaded)
+            if loaded.size:
+                dofs = np.intersect1d(dofs, loaded - bulk.first)
         if self._contact_dofs is not None:
-            same = np.array_equal(dofs, self._contact_dofs)
-            if on_all_ranks(bulk.comm, same):
+            has_all = bool(np.isin(dofs, self._contact_dofs).all())
+            same = dofs.size == self._contact_dofs.size or self._keeps_factors()
+            if on_all_ranks(bulk.comm, has_all and same):
                 return
         self._contact_dofs = dofs
         self._strip.move_to(dofs)

@@ -78,6 +78,10 @@ HYPRE = {
     "pc_hypre_boomeramg_strong_threshold": 0.25,
     "pc_hypre_boomeramg_P_max": 4,
 }
+# In space, where weak connections are those of stretched cells. Linear iterations of three loads of
+# a sphere with 0.25 and 0.5: 418 and 122 on hexahedra stretched by 60, 558 and 165 if these are
+# quadratic, of a half ball of tetrahedra that are not stretched 68 and 73.
+HYPRE_IN_SPACE = {"pc_hypre_boomeramg_strong_threshold": 0.5}
 # The cycle by PETSc's smoothed aggregation, with the rigid motions as near-null space, where PETSc
 # has no hypre. Iterations for eight digits are in the performance README. Two sweeps save a
 # tenth of them, Chebyshev with Jacobi needs a tenth more. An aggregate with fewer dofs than rigid
@@ -91,6 +95,7 @@ GAMG = {
     "mg_levels_pc_sor_diagonal_shift": 1e-30,
 }
 CYCLE = TIED | (HYPRE if compat.petsc_has("hypre") else GAMG)
+CYCLE_IN_SPACE = CYCLE | (HYPRE_IN_SPACE if compat.petsc_has("hypre") else {})
 # Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
 # one refinement; above it half of the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10
@@ -115,6 +120,7 @@ ITERATIVE = {
     "pc_type": "python",
     **{f"cycle_{name}": value for name, value in CYCLE.items()},
 }
+ITERATIVE_IN_SPACE = ITERATIVE | {f"cycle_{name}": value for name, value in CYCLE_IN_SPACE.items()}
 # Options with this prefix belong to another solver, see ``la.solver``.
 COMPLIANCE = "compliance_"
 # Prefixes and names of options set in PETSc's database by ``options_added`` at present.
@@ -256,13 +262,13 @@ COSTS = Costs()
 # of flat blocks may be in contact everywhere, so that dense systems count. With 4,400, 13,200 and
 # 20,300 unknowns the linear algebra of an iteration took 0.08, 0.4 and 0.6 s.
 # Inverses of 1,950 to 8,583 contact dofs took 2.6e-5 to 4.2e-5 us per cube. Multigrid took 14 us
-# per unknown on tetrahedra (24,000 to 152,000 unknowns), 50 on hexahedra stretched by 60, 120 if
-# these are quadratic, where factors of the constant bulk are four to eight times as fast.
+# per unknown on tetrahedra (24,000 to 152,000 unknowns), 15 on hexahedra stretched by 60, 30 if
+# these are quadratic; factors of the constant bulk serve all load steps.
 # CPU time of a solve, direct over iterative, of a half ball on a block: 0.9 with 11,000 unknowns,
 # 2.9 with 50,000 (demos.studies.space.waits).
 SPACE_COSTS = SpaceCosts(
     iteration=1e-3, first=0.0, once=3e-3, dense=4e-5, per_factor=250.0, per_unknown=13.0,
-    per_solve=6e-5, many=15_000, by_multigrid=50.0,
+    per_solve=6e-5, many=15_000, by_multigrid=30.0,
 )  # fmt: skip
 
 

@@ -44,7 +44,6 @@ from fenics_mortar.models.model_error import (
     Assumption,
     ElasticObstacle,
     ModelReport,
-    all_contacts,
     describe,
     estimate,
     rigid_obstacle,
@@ -151,12 +150,14 @@ class ModelCheck:
 
         Shape (slave nodes,), in space (slave nodes, 3), each [length].
         """
-        slips = [self._slips.get(contact, np.empty(0)) for contact in all_contacts(problem)]
+        slips = [
+            self._slips.get(contact, np.empty(0)) for contact in problem.equations.floating.contacts
+        ]
         return {f"slips{i}": slip for i, slip in enumerate(slips)}
 
     def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
         """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
-        for i, contact in enumerate(all_contacts(problem)):
+        for i, contact in enumerate(problem.equations.floating.contacts):
             if data.get(f"slips{i}", np.empty(0)).shape == contact.accepted_partners.counted.shape:
                 self._slips[contact] = data[f"slips{i}"]
         if self._in_space is not None:
@@ -219,7 +220,7 @@ class ModelCheck:
 
     def _count_all_slip(self, problem: ContactProblem) -> None:
         """Accumulate the slip of each node since first contact, over all checked steps."""
-        for contact in filter(_is_frictionless, all_contacts(problem)):
+        for contact in filter(_is_frictionless, problem.equations.floating.contacts):
             slip = contact.now.counted_slip
             before = self._slips.get(contact, np.zeros_like(slip))
             on = contact.active.reshape(-1, *[1] * (slip.ndim - 1))

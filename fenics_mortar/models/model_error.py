@@ -298,14 +298,9 @@ def describe(problem: ContactProblem, assumption: str) -> str:
     return f"slip {slip:.2g} facets, normals rotate by {np.degrees(angle):.2g}°"
 
 
-def all_contacts(problem: ContactProblem) -> list[Contact]:
-    """The contacts of a problem, without its ties (local)."""
-    return [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
-
-
 def sliding_little(problem: ContactProblem) -> list[Contact]:
     """Contacts with small sliding, which use the operators of the undeformed mesh (local)."""
-    return [contact for contact in all_contacts(problem) if contact.pair.sliding == "small"]
+    return [c for c in problem.equations.floating.contacts if c.pair.sliding == "small"]
 
 
 def _largest_slip(contact: Contact) -> tuple[float, float]:
@@ -591,7 +586,7 @@ def rigid_obstacle(problem: ContactProblem, elastic: ElasticObstacle) -> Assumpt
 
 def contacts_of(problem: ContactProblem, elastic: ElasticObstacle) -> list[Contact]:
     """The contacts with the obstacle of an elastic obstacle (local)."""
-    return [c for c in all_contacts(problem) if c.obstacle is elastic.obstacle]
+    return [c for c in problem.equations.floating.contacts if c.obstacle is elastic.obstacle]
 
 
 def _largest(lengths: Sequence[Array]) -> float:

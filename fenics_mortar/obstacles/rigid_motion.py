@@ -292,6 +292,15 @@ def describe_place(where: Array) -> str:
     return ", " + " and ".join(phrases) if phrases else ""
 
 
+def describe_load(load: Array, force: str = "force", *, is_axial: bool = False) -> str:
+    """Description of a ``force`` and a moment, shape (m,) as places; of the axial force (local)."""
+    dim = DIMENSIONS[load.size]
+    if is_axial:
+        return f"axial {force} {load[1] + 0.0:.4g}"
+    moment = f"{load[2] + 0.0:.4g}" if dim == 2 else format_point(load[3:])
+    return f"{force} {format_point(load[:dim])}, moment {moment}"
+
+
 def edges_of(corners: Array) -> Array:
     """Vectors from each corner of a polygon (k, 2) to the next one, (k, 2) [length] (local)."""
     return np.roll(corners, -1, axis=0) - corners

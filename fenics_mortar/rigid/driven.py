@@ -41,6 +41,7 @@ from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.obstacles.rigid_motion import (
     RigidMotion,
     by_further_motion,
+    describe_load,
     describe_place,
     motion_between,
     place_after,
@@ -237,22 +238,16 @@ class RigidMotions:
 
     def record(self) -> list[str]:
         """Set the ``reaction`` of each mover; return a sentence for each (collective)."""
-        lines, is_axial = [], self._is_axisymmetric()
+        lines, thicknesses = [], [contact.slave.thickness for _, contact in self.pairs]
+        # of revolution: radial forces and moments vanish around the axis
+        is_axial = any(t is not None and t.by_x != 0.0 for t in thicknesses)
         forces = -self.obstacle_forces() * self.scales[: len(self.obstacles)]
         for obstacle, force in zip(self.obstacles, forces, strict=True):
             obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-            load = f"contact force {format_point(force[:2])}, moment {force[2] + 0.0:.4g}"
-            if self._dim == 3:
-                load = f"contact force {format_point(force[:3])}, moment {format_point(force[3:])}"
-            load = f"axial contact force {force[1] + 0.0:.4g}" if is_axial else load
+            load = describe_load(force, "contact force", is_axial=is_axial)
             lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
         lines += [load.record() for load in self.remote]
         return lines + [load.record() for load in self.spread]
-
-    def _is_axisymmetric(self) -> bool:
-        """Whether bodies are of revolution: radial forces and moments vanish around the axis."""
-        thicknesses = [contact.slave.thickness for _, contact in self.pairs]
-        return any(t is not None and t.by_x != 0.0 for t in thicknesses)
 
     def contacts_of(self, number: int) -> list[Contact]:
         """The contacts of one obstacle."""

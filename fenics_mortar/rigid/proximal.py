@@ -160,13 +160,14 @@ def solve_with_springs(
         aim = RIGID.elongation if carried < np.inf else first
         try:
             report, _ = run.move(report, balanced=True, aim=aim)
-            arrived = equations.state()
+            arrived, carried = equations.state(), equations.springs.remaining().fraction
             return run.without(report)
         except NotConvergedError as error:
             report = error.report
     equations.restore(arrived)
     again = NotConvergedError(failed.report.reason, report)
-    return solve_with_weak_springs(equations, options, again, repeats=RIGID.repeats)
+    repeats = RIGID.repeats if carried else 1
+    return solve_with_weak_springs(equations, options, again, repeats=repeats)
 
 
 def solve_with_weak_springs(
@@ -232,6 +233,10 @@ class _OnSprings:
         until the next node supports it, too. Solves after which no contact force acts on a body
         have failed then: Newton's method has jumped. The first elongation is ``aim``.
 
+        If negligible forces of springs increase, the error of the contact forces turns a body, such
+        as a ball without friction, for ever. The state before remains, where springs are relaxed:
+        they would carry more after further solves.
+
         Returns:
             The record of all iterations, and the elongation of the first solve that did not fail:
             with longer ones another pass from the same state would fail, too.
@@ -239,8 +244,9 @@ class _OnSprings:
         # the last solve, without springs, uses the user's tolerance
         tolerance = max(SOLVED, self.options.residual_tolerance)
         rough = replace(self, options=replace(self.options, residual_tolerance=tolerance))
-        springs, failures, first = self.equations.springs, 0, None
+        springs, failures, first, carried = self.equations.springs, 0, None, np.inf
         for _ in range(RIGID.max_solves):
+            before, start = carried, self.equations.state()
             report, reason = rough.anchored(report, aim, touched=balanced)
             if reason:
                 aim, failures = aim / RIGID.recovery**3, failures + 1
@@ -251,6 +257,9 @@ class _OnSprings:
             rests = springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
             carried = springs.remaining().fraction
             if rests and not (balanced and carried > RIGID.negligible):
+                break
+            if before < carried <= RIGID.negligible:
+                self.equations.restore(start)
                 break
             aim, failures = RIGID.recovery * aim, 0
             aim = aim if rests else min(aim, RIGID.elongation)

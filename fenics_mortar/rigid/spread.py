@@ -84,6 +84,7 @@ from fenics_mortar.obstacles.rigid_motion import (
     TURNS,
     RigidMotion,
     check_vector,
+    describe_load,
     describe_place,
     polar_rotation,
     vector_beside,
@@ -94,7 +95,6 @@ from fenics_mortar.utils.errors import (
     SurfaceError,
     check_kind,
     check_same_texts,
-    format_point,
     raise_together,
     together,
 )
@@ -216,6 +216,18 @@ class BoundaryMotion(RigidMotion):
         """The name."""
         return f"{type(self).__name__}({self.name!r})"
 
+    def bind(self, space: DisplacementSpace) -> BoundSpreadLoad | BoundRigidBoundary:
+        """The load, or the Dirichlet condition, of the boundary's nodes in a space (collective).
+
+        Args:
+            space: Nodes and dofs of the displacement.
+
+        Raises:
+            SurfaceError: On all ranks, if facets are not on the boundary of the mesh.
+        """
+        kind: Any = BoundSpreadLoad if isinstance(self, SpreadLoad) else BoundRigidBoundary
+        return kind(self, space)
+
 
 def refuse_remote(loads: Sequence[Any], purpose: str) -> None:
     """Raise an error where remote loads are not implemented (local, equal on all ranks).
@@ -293,17 +305,6 @@ class SpreadLoad(BoundaryMotion):
             f"spread load '{self.name}' has no prescribed motion: expected push(), or a "
             "RigidBoundary, whose motion can be prescribed"
         )
-
-    def bind(self, space: DisplacementSpace) -> BoundSpreadLoad:
-        """The load on the nodes of a space (collective).
-
-        Args:
-            space: Nodes and dofs of the displacement.
-
-        Raises:
-            SurfaceError: On all ranks, if facets are not on the boundary of the mesh.
-        """
-        return BoundSpreadLoad(self, space)
 
 
 class BoundSpreadLoad:
@@ -395,9 +396,7 @@ class BoundSpreadLoad:
     def record(self) -> str:
         """Set place and reaction of the user's load; return a sentence (local)."""
         self.motion.place, self.motion.reaction = self._place.copy(), self.motion.load.copy()
-        force, moment = np.split(self.motion.load, [self.motion.dim])
-        about = f"{moment[0] + 0.0:.4g}" if len(moment) == 1 else format_point(moment)
-        load = f"force {format_point(force)}, moment {about}"
+        load = describe_load(self.motion.load)
         return f"spread load '{self.motion.name}'{describe_place(self._place)}: {load}"
 
 
@@ -560,17 +559,6 @@ class RigidBoundary(BoundaryMotion):
 
     kind = "rigid boundary"
 
-    def bind(self, space: DisplacementSpace) -> BoundRigidBoundary:
-        """The Dirichlet condition of the boundary's nodes in a space (collective).
-
-        Args:
-            space: Nodes and dofs of the displacement.
-
-        Raises:
-            SurfaceError: On all ranks, if facets are not on the boundary of the mesh.
-        """
-        return BoundRigidBoundary(self, space)
-
 
 class BoundRigidBoundary:
     """A rigid boundary in the space of a problem; also the Dirichlet condition of its nodes.
@@ -716,14 +704,9 @@ class BoundRigidBoundary:
 
     def record(self) -> str:
         """Set the reaction of the user's boundary; return a sentence (collective)."""
-        force, dim = self.force() * self.motion.scales(self.arm), self.motion.dim
-        if self._space.is_axisymmetric:
-            force *= [0.0, 1.0, 0.0]
-        self.motion.reaction = force
-        moment = f"{force[2] + 0.0:.4g}" if dim == 2 else format_point(force[3:])
-        load = f"force {format_point(force[:dim])}, moment {moment}"
-        if self._space.is_axisymmetric:
-            load = f"axial force {force[1] + 0.0:.4g}"
+        force, is_axial = self.force() * self.motion.scales(self.arm), self._space.is_axisymmetric
+        self.motion.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
+        load = describe_load(force, is_axial=is_axial)
         return f"rigid boundary '{self.motion.name}'{describe_place(self.motion.place)}: {load}"
 
     def take_bulk_rows(self) -> None:

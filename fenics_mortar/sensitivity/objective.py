@@ -39,6 +39,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakKeyDictionary
 
@@ -127,14 +128,9 @@ class Data:
             numbers[...] = value
 
 
-def _with_law(problem: ContactProblem) -> list[Contact]:
-    """The contacts of a problem without its ties (local)."""
-    return [c for c in problem.equations.contacts if isinstance(c, Contact)]
-
-
 def _settings(problem: ContactProblem) -> list[Any]:
     """Laws and conductances of the contacts (local)."""
-    pairs = [contact.pair for contact in _with_law(problem)]
+    pairs = [contact.pair for contact in problem.equations.floating.contacts]
     return [setting for pair in pairs for setting in (pair.law, *pair.fluxes)]
 
 
@@ -226,7 +222,7 @@ class RecordedPath:
         self._data.put(step.data)
         for setting, values in zip(_settings(self.problem), step.laws, strict=True):
             vars(setting).update(values)
-        for contact in _with_law(self.problem):
+        for contact in self.problem.equations.floating.contacts:
             contact.adopt_law()
         for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
             if not np.array_equal(obstacle.load, load, equal_nan=True):
@@ -637,23 +633,19 @@ def find_kinks(problem: ContactProblem, step: int) -> list[Kink]:
             for j in _nearest_nodes(distance)
         ]
         undecided = [kink for kink in kinks if kink.is_undecided]
-        found += undecided or sorted(kinks, key=_by_distance)[:1]
+        found += undecided or sorted(kinks, key=attrgetter("distance"))[:1]
     return found
 
 
 def nearest(kinks: list[Kink]) -> Kink | None:
     """The kink of the smallest distance, ``None`` without contact (local)."""
-    return min(kinks, key=_by_distance, default=None)
+    return min(kinks, key=attrgetter("distance"), default=None)
 
 
 def _nearest_nodes(distance: Array) -> Indices:
     """Nodes on the kink, or the nearest one; none if no node can change."""
     limit = max(KINK, float(distance.min(initial=np.inf)))
     return np.flatnonzero((distance <= limit) & np.isfinite(distance))
-
-
-def _by_distance(kink: Kink) -> float:
-    return kink.distance
 
 
 def _distances(contact: Contact) -> dict[Change, Array]:

@@ -233,19 +233,20 @@ NOT_IN_SPACE = {
 }  # fmt: skip
 
 
-def refuse_in_space(what: str, detail: str = "") -> None:
+def refuse_in_space(what: str, detail: str = "", *, needed: bool = True) -> None:
     """Raise the error of a feature that exists in the plane only (local, equal on all ranks).
 
     Args:
         what: Key of ``NOT_IN_SPACE``.
         detail: What in the user's input needs the feature, to be added to the sentence.
+        needed: Whether it does.
 
     Raises:
-        NotImplementedError: Always.
+        NotImplementedError: If the feature is needed.
     """
-    raise NotImplementedError(
-        f"not yet available in three dimensions: {NOT_IN_SPACE[what]}{detail and f' ({detail})'}"
-    )
+    if needed:
+        why = f"{NOT_IN_SPACE[what]}{detail and f' ({detail})'}"
+        raise NotImplementedError(f"not yet available in three dimensions: {why}")
 
 
 def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:

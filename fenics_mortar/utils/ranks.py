@@ -8,6 +8,7 @@ ever. No other module of the package calls MPI's typed reductions.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mpi4py import MPI
@@ -71,6 +72,13 @@ def any_over_ranks(comm: MPI.Comm, flags: Flags) -> Flags:
     if comm.size > 1:
         comm.Allreduce(MPI.IN_PLACE, found, MPI.LOR)
     return found
+
+
+def from_all_ranks(comm: MPI.Comm, arrays: Iterable[npt.NDArray[Any]]) -> list[npt.NDArray[Any]]:
+    """Arrays [any unit] of any shapes, each with the rows of all ranks in order (collective)."""
+    if comm.size == 1:
+        return list(arrays)
+    return [np.concatenate(each) for each in zip(*comm.allgather(list(arrays)), strict=True)]
 
 
 def agreed(comm: MPI.Comm, value: T) -> T:

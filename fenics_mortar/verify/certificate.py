@@ -42,7 +42,7 @@ from fenics_mortar.rigid.body_motions import Touching, nearly_touching, unresist
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.utils.ranks import agreed
+from fenics_mortar.utils.ranks import agreed, from_all_ranks
 from fenics_mortar.verify.checks import Kind, checks
 from fenics_mortar.verify.checks.balance import balance_of_bodies
 from fenics_mortar.verify.finding import (
@@ -328,17 +328,16 @@ def _partly(o: SpaceOperators) -> Flags:
     return ~o.moments.complete & o.moments.De.any(axis=1)
 
 
-def points_in_space(
-    bodies: BodyMotions, contact: Contact, near: Flags
-) -> tuple[Array, Array, Indices, Indices]:
+# Positions (p, dim) [length], directions of the pressure (p, dim), and numbers of the parts of
+# slave and master, (p,) each; -1 for an obstacle.
+Placed = tuple[Array, Array, Indices, Indices]
+
+
+def points_in_space(bodies: BodyMotions, contact: Contact, near: Flags) -> Placed:
     """Find the points of a pair beside ``near`` nodes, this rank's share (collective).
 
     On facets that are covered in part these are the corners of the covered parts, moved outward by
     the distance that causes only a remark; else, and on obstacles, the nodes.
-
-    Returns:
-        Positions (p, 3) [length], directions of the pressure (p, 3), and numbers of the bodies of
-        slave and master, (p,) each; -1 for an obstacle.
     """
     of_slave, of_master = bodies.parts_of(contact.slave), bodies.parts_of(contact.master)
     o, own = contact.operators, contact.slave.owned
@@ -392,8 +391,8 @@ def tipping_bodies(
     bulk = bodies.bulk
     forces = bulk.r.array_r[: bulk.num_owned] - pushed
     loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
-    touching = _joined([_touching(bodies, contact, loads) for contact in bodies.contacts])
-    motion = unresisted_motion(loads, touching)
+    touching = [_touching(bodies, contact, loads) for contact in bodies.contacts]
+    motion = unresisted_motion(loads, Touching(*map(np.concatenate, zip(*touching, strict=True))))
     ends = np.cumsum([len(body.motions) for body in bodies.bodies])[:-1]
     found = [
         (body, move)
@@ -430,11 +429,6 @@ def _described(finding: Finding) -> str:
     return f"{finding.value:.2f} facets beyond the cover, at {finding.where}"
 
 
-def _joined(pairs: Sequence[Touching]) -> Touching:
-    """Arrays of all pairs, joined."""
-    return Touching(*map(np.concatenate, zip(*pairs, strict=True)))
-
-
 def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     """Points at which a pair touches, with twice the largest friction of its nodes (collective)."""
     near = contact.active | nearly_touching(contact)
@@ -452,27 +446,19 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     slips = [np.einsum("mpc,pc->pm", rates, along) for along in directions_across(n)]
     along_tangents = slips[0] if len(slips) == 1 else np.stack(slips, axis=1)
     local = np.einsum("mpc,pc->pm", rates, n), along_tangents
-    opens, slips = (np.concatenate(bodies.bulk.comm.allgather(part)) for part in local)
+    opens, sliding = from_all_ranks(bodies.bulk.comm, local)
     weight = contact.operators.weight
     covered = float(weight[near].sum())
     pressure = float(np.abs(loads).sum()) / covered if covered > 0.0 else 0.0
     slope, shear = contact.now.strength(pressure)
     one = np.ones(len(opens))
     largest = 2.0 * float(slope[near].max(initial=0.0)) + LIMITS.negligible
-    return Touching(
-        opens, slips, largest * one, 2.0 * float((weight * shear)[near].sum()) * one, 0.0 * one
-    )
+    sheared = 2.0 * float((weight * shear)[near].sum())
+    return Touching(opens, sliding, largest * one, sheared * one, 0.0 * one)
 
 
-def _points(
-    bodies: BodyMotions, contact: Contact, near: Flags
-) -> tuple[Array, Array, Indices, Indices]:
-    """Find the ends of the segments beside ``near`` nodes, this rank's share (collective).
-
-    Returns:
-        Positions (p, 2) [length], directions of the pressure (p, 2), and numbers of the parts of
-        slave and master, (p,) each; -1 for an obstacle.
-    """
+def _points(bodies: BodyMotions, contact: Contact, near: Flags) -> Placed:
+    """Find the ends of the segments beside ``near`` nodes, this rank's share (collective)."""
     o, s = contact.operators, contact.intersections()
     beside = near[s.slave].any(axis=1)
     slave, master = s.slave[beside][:, [0, -1]], s.master[beside]
@@ -483,14 +469,11 @@ def _points(
     return x, n, np.repeat(of_slave[slave[:, 0]], 2), np.repeat(of_master[master[:, 0]], 2)
 
 
-def _points_on_obstacle(
-    bodies: BodyMotions, contact: Contact, near: Flags
-) -> tuple[Array, Array, Indices, Indices]:
+def _points_on_obstacle(bodies: BodyMotions, contact: Contact, near: Flags) -> Placed:
     """Find points of the facets beside ``near`` nodes that nearly touch an obstacle (collective).
 
     The direction is that of the flatter side: of the obstacle, or of the facet where the normals of
-    the obstacle at the ends of the facet differ by the angle of a corner. For the rest see
-    ``_points``.
+    the obstacle at the ends of the facet differ by the angle of a corner.
     """
     o, s = contact.on_obstacle, contact.intersections()
     at = np.linspace(-1.0, 1.0, 1 + int(np.ceil(2.0 / LIMITS.coarse_distance)))

@@ -44,7 +44,7 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Flags, Indices, Value, norms
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import LedBodies, RigidPath, motion_of
+from fenics_mortar.verify.node_paths import LedBodies, RigidPath, StepEnds, motion_of
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,
@@ -52,7 +52,7 @@ from fenics_mortar.verify.overlap import (
     deepest_point,
     slides_little,
 )
-from fenics_mortar.verify.passages import Passages, StepEnds, found_either_way
+from fenics_mortar.verify.passages import Passages, found_either_way
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
     ALWAYS,
@@ -339,9 +339,12 @@ class Crossings:
 
     def _carried_to(self, x1: Array, *, solved: bool) -> Carried:
         """See ``carried``."""
+        return self.led.carried(self.accepted.x, x1, self._leading(), solved=solved)
+
+    def _leading(self) -> dict[int, RigidPath]:
+        """Motions of the rigid boundaries in this step, by the bodies that they lead."""
         led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
-        known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
-        return self.led.carried(self.accepted.x, x1, known, solved=solved)
+        return {body: motion_of(leader, *ends) for (body, leader), *ends in led}
 
     def passages(self, places: Array) -> list[str]:
         """Messages on passages through bodies and obstacles since the accepted state.
@@ -359,13 +362,13 @@ class Crossings:
         Args:
             places: Present positions of the obstacles, shape (obstacles, 3).
         """
-        x1 = self._positions()
-        led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
-        known = {body: motion_of(leader, *ends) for (body, leader), *ends in led}
-        x0, before = self.accepted.x, self.accepted.places
+        return self.in_step.find(self._ends(places, self._leading()), self._allowed)
+
+    def _ends(self, places: Array, known: dict[int, RigidPath]) -> StepEnds:
+        """Both ends of the step, with the obstacles at ``places`` now."""
+        x0, x1, before = self.accepted.x, self._positions(), self.accepted.places
         doubtful = self.led.parts(self.led.doubtful(x0, x1))
-        ends = StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
-        return self.in_step.find(ends, self._allowed)
+        return StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
 
     def taken_turns(self) -> list[str]:
         """Notes on small turns by values, see ``LedBodies.taken``."""
@@ -532,30 +535,24 @@ class SpaceCrossings(Crossings):
 
     def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
         """See ``Crossings``; of bodies that values turn in space the other sense is examined."""
-        (x0, before), x1 = (self.accepted.x, self.accepted.places), self._positions()
-        known = self._known()
-        turns = any(motion.angle for motion in known.values())
-        bodies_rest = np.array_equal(x0, x1) and not turns
-        if not len(x0) or (bodies_rest and np.array_equal(before, places)):
+        ends = self._ends(places, self._known())
+        if ends.at_rest:
             return [], []
-        resolution = LIMITS.coarse_distance * float(self.outline.lengths(x1).min())
-        motions = self._obstacles.motions(before, places)
+        resolution = LIMITS.coarse_distance * float(self.outline.lengths(ends.x1).min())
+        motions = self._obstacles.motions(ends.before, places)
 
         def messages(backwards: Collection[int]) -> list[str]:
-            given = self.outline.bodies, motions, resolution, known, backwards
-            paths = SpacePaths(x0, x1, *given)
-            found = [] if bodies_rest else self._through.find(paths)
-            return found + self._obstacles.passages(paths, self._through, before)
+            paths = SpacePaths(ends, self.outline.bodies, motions, resolution, backwards)
+            found = [] if ends.bodies_rest else self._through.find(paths)
+            return found + self._obstacles.passages(paths, self._through, ends.before)
 
-        doubtful, found = self.led.parts(self.led.doubtful(x0, x1)), messages(())
+        doubtful, found = ends.doubtful, messages(())
         return found_either_way(found, "sense", messages(doubtful)) if doubtful else (found, [])
 
     def _known(self) -> dict[int, RigidPath]:
         """Motions of bodies by rigid boundaries that their prescribed nodes followed."""
         (x0, x1), found = (self.accepted.x, self._positions()), dict[int, RigidPath]()
-        led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
-        for (body, leader), *ends in led:
-            motion = motion_of(leader, *ends)
+        for body, motion in self._leading().items():
             mine = self._prescribed & (self.outline.bodies == body)
             apart = motion.carry(x0[mine], 1.0) - x1[mine]
             size = float(np.abs(x0[mine] - motion.start).max(initial=0.0))

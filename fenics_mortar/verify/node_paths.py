@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mpi4py import MPI
 
@@ -374,6 +374,40 @@ AT_REST = RigidPath(np.zeros(2), np.zeros(2), np.zeros(1))
 NONE_KNOWN: Mapping[int, RigidPath] = {}
 
 
+class StepEnds(NamedTuple):
+    """Start and end of a step.
+
+    Attributes:
+        x0: Positions of the outlines' nodes at the start, shape (n, dim) [length].
+        x1: Positions at the end, shape (n, dim) [length].
+        prescribed: Whether all components of a node are prescribed, shape (n,), bool.
+        before: Places of the obstacles at the start, shape (obstacles, m) [length, radian].
+        after: Places at the end, likewise.
+        known: Motions that rigid boundaries prescribe, by the body that they lead.
+        doubtful: Bodies that prescribed values turn by angles that the ends do not tell.
+    """
+
+    x0: Array
+    x1: Array
+    prescribed: Flags | None = None
+    before: Array = np.zeros((0, 3))
+    after: Array = np.zeros((0, 3))
+    known: Mapping[int, RigidPath] = NONE_KNOWN
+    doubtful: Collection[int] = ()
+
+    @property
+    def bodies_rest(self) -> bool:
+        """Whether no body moves (local)."""
+        turns = any(motion.angle for motion in self.known.values())
+        return np.array_equal(self.x0, self.x1) and not turns
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves: no body, no obstacle (local)."""
+        rests = self.bodies_rest and np.array_equal(self.before, self.after)
+        return rests or not len(self.x0)
+
+
 def motion_of(mover: RigidMotion, before: Array, after: Array) -> RigidPath:
     """Motion of an obstacle or a boundary between places (m,) [length, radian] (local).
 
@@ -388,15 +422,12 @@ class Motions:
     """Rigid motions of bodies in a step, least-squares fits to the motions of nodes (local).
 
     Args:
-        x0: Positions of the nodes at the start, shape (n, 2) [length].
-        x1: Positions at the end, shape (n, 2) [length].
+        ends: Both ends of the step; rotations of ``doubtful`` bodies by more than ``TOLD_TURN`` may
+            have had the other sense.
         bodies: Body of each node, shape (n,).
-        prescribed: Whether both components of a node are prescribed, shape (n,), bool.
         other: Alternative to rotations by more than a sixth of a turn: "sense" for rotations in the
             other sense, "centre" for those about the mean of the prescribed nodes instead of the
             fixed point, or the reverse.
-        known: Motions of rigid boundaries, by the body that these lead.
-        doubtful: Bodies whose rotations by more than ``TOLD_TURN`` may have had the other sense.
 
     Attributes:
         labels: The bodies, shape (b,).
@@ -406,19 +437,9 @@ class Motions:
         two_ways: Whether its rotation may have had the other sense, shape (b,), bool.
     """
 
-    def __init__(
-        self,
-        x0: Array,
-        x1: Array,
-        bodies: Indices,
-        prescribed: Flags | None = None,
-        *,
-        other: Alternative = "",
-        known: Mapping[int, RigidPath] = NONE_KNOWN,
-        doubtful: Collection[int] = (),
-    ) -> None:
-        self._x0, self._x1 = x0, x1
-        counts = np.bincount(bodies)
+    def __init__(self, ends: StepEnds, bodies: Indices, other: Alternative = "") -> None:
+        self._x0, self._x1 = x0, x1 = ends[:2]
+        counts, prescribed = np.bincount(bodies), ends.prescribed
         self.labels: Indices = np.flatnonzero(counts)
         self.of_node = (np.cumsum(counts > 0) - 1)[bodies]
         led = np.zeros(len(x0), bool) if prescribed is None else prescribed
@@ -428,14 +449,14 @@ class Motions:
         self.angles: Array = self._fit(weight)
         far = np.abs(self.angles) > LIMITS.two_ways
         turned = np.abs(self.angles) > TOLD_TURN  # not as seen from the body itself
-        self.two_ways: Flags = far | (turned & np.isin(self.labels, list(doubtful)))
+        self.two_ways: Flags = far | (turned & np.isin(self.labels, list(ends.doubtful)))
         if other == "sense":
             self.angles -= np.where(self.two_ways, 2.0 * np.pi * np.sign(self.angles), 0.0)
         self._turn_about_fixed_points(far & (other == "centre"))
         self.are_known: Flags = np.zeros(self.labels.size, bool)
         for i, body in enumerate(self.labels.tolist()):
-            if body in known:
-                self._take(i, known[body])
+            if body in ends.known:
+                self._take(i, ends.known[body])
 
     def _take(self, i: int, known: RigidPath) -> None:
         """Take a known motion of body ``i``, if the fitted one equals it up to full turns."""
@@ -518,41 +539,28 @@ class Paths:
     with it to the start of the step.
 
     Args:
-        x0: Positions of the nodes at the start, shape (n, 2) [length].
-        x1: Positions at the end, shape (n, 2) [length].
+        ends: Both ends of the step.
         bodies: Body of each node, shape (n,).
-        prescribed: Whether both components of a node are prescribed, shape (n,), bool.
         obstacles: Motions of the obstacles.
         resolution: Largest distance of a path from its straight sections [length].
         other: Whether motions that the ends of the paths do not tell have the other alternative,
             see ``Motions``.
-        known: Known motions in space, by the body.
-        doubtful: See ``Motions``.
 
     Attributes:
         motions: Motions of the bodies in space.
     """
 
     def __init__(
-        self,
-        x0: Array,
-        x1: Array,
-        bodies: Indices,
-        prescribed: Flags,
-        obstacles: Sequence[RigidPath],
-        resolution: float,
+        self, ends: StepEnds, bodies: Indices, obstacles: Sequence[RigidPath], resolution: float,
         other: Alternative = "",
-        known: Mapping[int, RigidPath] = NONE_KNOWN,
-        doubtful: Collection[int] = (),
-    ) -> None:
-        self._x0, self._x1, self._resolution, self._known = x0, x1, resolution, known
+    ) -> None:  # fmt: skip
+        self._x0, self._x1, self._resolution, self._known = *ends[:2], resolution, ends.known
 
         def fit(end: Array, known: Mapping[int, RigidPath] = NONE_KNOWN) -> Motions:
-            ends = x0, end, bodies, prescribed
-            return Motions(*ends, other=other, known=known, doubtful=doubtful)
+            return Motions(ends._replace(x1=end, known=known), bodies, other)
 
         self._fit: Callable[..., Motions] = fit
-        self.motions = fit(x1, known)
+        self.motions = fit(self._x1, ends.known)
         leaders = [self.motions.of(i) for i in np.flatnonzero(self.motions.are_led)]
         self._carriers = [AT_REST, *(c for c in (*obstacles, *leaders) if c.angle)]
         self._choose_carriers()

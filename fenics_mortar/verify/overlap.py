@@ -127,17 +127,10 @@ def are_folds(x: Array, segments: Indices, bodies: Indices, crossings: Array) ->
         crossed = row[:2].astype(np.int64)
         others = bodies == bodies[crossed[0]]
         others[crossed] = False
-        folds[k] = _winding(x, segments[others], row[4:]) < 1
+        # mean winding number: the two segments contribute opposite angles on both sides
+        angles = angles_between(*np.moveaxis(x[segments[others]] - row[4:], 1, 0))
+        folds[k] = round(float(angles.sum()) / (2.0 * np.pi)) < 1
     return folds
-
-
-def _winding(x: Array, segments: Indices, P: Array) -> int:
-    """Mean winding number around the crossing P (2,) of two segments, which are left out.
-
-    They pass straight through P, and on both sides of it contribute opposite angles.
-    """
-    a, b = np.moveaxis(x[segments] - P, 1, 0)
-    return round(float(angles_between(a, b).sum()) / (2.0 * np.pi))
 
 
 def depths_in_body(outline: Any, x: Array, body: int, points: Array) -> tuple[Array, Indices]:
@@ -517,7 +510,8 @@ def slip_defects(contact: Contact) -> Defects:
     """
     law = contact.pair.law
     if not (law.has_friction or law.needs_nodal_state):
-        return _no_defects(contact.slave)
+        count, dim = len(contact.slave.facets), contact.slave.dim
+        return np.zeros((count, dim, dim)), np.zeros(count)
     here, slip = _slips(contact)
     corners, held = _corners(contact, here), ~contact.follows_law
     sticking = contact.sticking[corners]
@@ -578,12 +572,6 @@ def _slip_between(contact: Contact, facing: Facing) -> Array:
     theta = facing.of(contact.partners.relative_turn(o))
     now = facing.difference(o.x, o.m), facing.direction(o.n)
     return arc(now, (facing.start, facing.normals), theta, -theta).slip
-
-
-def _no_defects(surface: Surface) -> Defects:
-    """No dyads and no work."""
-    count, dim = len(surface.facets), surface.dim
-    return np.zeros((count, dim, dim)), np.zeros(count)
 
 
 def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defects:

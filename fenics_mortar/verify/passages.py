@@ -15,9 +15,9 @@ inside another body are reported as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from fenics_mortar.kernels.passage import ALL, OPPOSED, OTHERS, OWN, find_events
 from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Alternative, Paths, RigidPath, carry, motion_of
+from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds, carry, motion_of
 from fenics_mortar.verify.obstacle_passages import ADVICE, in_space, nodes_through, own_frame
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.outline import Outline
     from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.verify.node_paths import RigidPath
 
 # Number of points inside a body up to which a path along its surface is not recognized.
 FEW_POINTS = 2
@@ -44,28 +45,6 @@ ALTERNATIVES: dict[Alternative, str] = {
 }  # fmt: skip
 # Positions of the nodes (n, 2) to overlaps of the nodes that contacts admit, (n,) [length].
 AllowedOverlaps = Callable[[Array], Array]
-
-
-class StepEnds(NamedTuple):
-    """Start and end of a step.
-
-    Attributes:
-        x0: Positions of the outlines' nodes at the start, shape (n, 2) [length].
-        x1: Positions at the end, shape (n, 2) [length].
-        prescribed: Whether both components of a node are prescribed, shape (n,), bool.
-        before: Places of the obstacles at the start, (obstacles, 3) [length, length, radian].
-        after: Places at the end, shape (obstacles, 3).
-        known: Motions that rigid boundaries prescribe, by the body that they lead.
-        doubtful: Bodies that prescribed values turn by angles that the ends do not tell.
-    """
-
-    x0: Array
-    x1: Array
-    prescribed: Flags
-    before: Array
-    after: Array
-    known: Mapping[int, RigidPath] = {}
-    doubtful: Collection[int] = ()
 
 
 class Passages:
@@ -108,9 +87,7 @@ class Passages:
             ends: Positions at both ends of the step.
             allowed: Function of the overlaps admitted at the end.
         """
-        still = np.array_equal(ends.before, ends.after) and np.array_equal(ends.x0, ends.x1)
-        still &= not any(motion.angle for motion in ends.known.values())
-        if still or not len(ends.x0):
+        if ends.at_rest:
             return [], []
         paths = self._paths(ends, "")
         found, possible = self._on(paths, ends, allowed), list[str]()
@@ -125,8 +102,7 @@ class Passages:
         resolution = LIMITS.coarse_distance * float(self.outline.lengths(ends.x1).min())
         places = zip(self._obstacles, ends.before, ends.after, strict=True)
         motions = [motion_of(*each) for each in places]
-        of_nodes = ends.x0, ends.x1, self.outline.bodies, ends.prescribed
-        return Paths(*of_nodes, motions, resolution, other, ends.known, ends.doubtful)
+        return Paths(ends, self.outline.bodies, motions, resolution, other)
 
     def _on(self, paths: Paths, ends: StepEnds, allowed: AllowedOverlaps) -> list[str]:
         """Messages on passages on given paths."""

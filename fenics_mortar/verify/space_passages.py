@@ -48,7 +48,7 @@ from fenics_mortar.obstacles.rigid_motion import polar_rotation, vector_of
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SMALL_ANGLE, TINY, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import NONE_KNOWN, RigidPath, motion_of
+from fenics_mortar.verify.node_paths import RigidPath, StepEnds, motion_of
 from fenics_mortar.verify.obstacle_passages import ADVICE, nodes_through, own_frame
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body, obstacle_depths
 from fenics_mortar.verify.space_admitted import (
@@ -81,12 +81,10 @@ class SpacePaths:
     """Positions of all nodes at the ends of the sections of a step.
 
     Args:
-        x0: Positions at the start, shape (n, 3) [length].
-        x1: Positions at the end, shape (n, 3) [length].
+        ends: Both ends of the step; known motions have rotations of any size.
         bodies: Body of each node, shape (n,).
         obstacles: Motions of obstacles, by labels that are no bodies.
         resolution: Largest distance of a path from its straight sections [length].
-        known: Known motions of bodies, with rotations of any size.
         backwards: Bodies that turn the other way than the shortest one.
 
     Attributes:
@@ -96,15 +94,10 @@ class SpacePaths:
     """
 
     def __init__(
-        self,
-        x0: Array,
-        x1: Array,
-        bodies: Indices,
-        obstacles: Mapping[int, RigidPath],
-        resolution: float,
-        known: Mapping[int, RigidPath] = NONE_KNOWN,
-        backwards: Collection[int] = (),
-    ) -> None:
+        self, ends: StepEnds, bodies: Indices, obstacles: Mapping[int, RigidPath],
+        resolution: float, backwards: Collection[int] = (),
+    ) -> None:  # fmt: skip
+        (x0, x1), known = ends[:2], ends.known
         self.motions: dict[int, RigidPath] = {**obstacles, **known}
         for body in np.unique(bodies).tolist():
             if body not in known:

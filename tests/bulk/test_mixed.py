@@ -22,6 +22,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
+from fenics_mortar.equations.diagnosis import describe_isolated
 from meshes import two_blocks
 
 comm = MPI.COMM_WORLD
@@ -224,6 +225,26 @@ def test_linear_bulk_of_an_enclosed_incompressible_body_is_factored_once(slave):
     (one, report), (other, _) = found
     assert "factored once" in report.solver and "failed" not in str(report)
     assert np.abs(one - other).max(initial=0.0) < 1e-8 * np.abs(other).max(initial=1e-300)
+
+
+@pytest.mark.parametrize(
+    "enclosed, text", [(False, ""), (True, "level of field 1 of body 'lower':")]
+)
+def test_level_of_pressure_is_missing_in_enclosed_incompressible_bodies_only(enclosed, text):
+    """The pressure has no stiffness of its own: a free boundary determines its level."""
+    data = read(two_blocks.build, comm=comm, **GENERIC)
+    W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)
+    w = fem.Function(W)
+    held = ["upper/top", "lower/bottom", "lower/left", "lower/right"] + ["lower/top"] * enclosed
+    bcs = [fm.dirichlet(W.sub(0), data, name, (0.0, 0.0)) for name in held]
+    problem = fm.ContactProblem(
+        linear_elastic(w, 0.5), w, [fm.ContactPair(data, "upper/bottom", "lower/top")], bcs=bcs,
+        displacement=0, petsc_options_prefix="test_",
+    )  # fmt: skip
+    e = problem.equations
+    found = describe_isolated(e.bulk, e.contacts, e.floating)
+    assert ("level of field 1 of body 'lower':" in found) == enclosed
+    assert "upper" not in found and bool(found) == enclosed
 
 
 @pytest.mark.once

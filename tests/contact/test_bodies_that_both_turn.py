@@ -177,6 +177,7 @@ def tyre(columns, name="tyre"):
     return Grid(name, sector(columns, 3, radii=(0.2, 0.5), angles=(0.02, 0.02 + TURN)), closed=True)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("ratio", "per_turn"), [(1.0, 8), (-0.5, 8), (-5.0, 8), (1.0, 5), (-0.5, 5)]
 )

@@ -357,6 +357,28 @@ def test_temperatures_may_be_shifted():
     assert found[1] == pytest.approx(found[0], rel=1e-11)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("h", [2.0, fm.PressureConductance(20.0, 5.0)], ids=str)
+def test_bars_that_heat_flow_separates_have_a_steady_state_if_flow_begins_with_pressure(h):
+    """Hot below: open bars close a gap of 0.02 by 0.021, and in contact shrink (Barber 1978)."""
+    hot, gap, alpha = 10.5, 0.02, 1e-3
+    scene = stacked((2, 3), nu=0.0, alpha=alpha)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair])
+    scene.set(top=gap, cold=hot)
+    if h == 2.0:
+        with pytest.raises(fm.NotConvergedError, match=r"Conductance\(1, 2.0\) jumps at closing"):
+            problem.solve()
+        return
+
+    def overlap(p):  # that of free bars of lengths 2 and 1, and that by which p shortens them
+        flow = hot / (3.0 / 5.0 + 1.0 / h(np.array([p]), np.zeros(1)).h[0])
+        return alpha * (2.0 * hot - flow * (2.0**2 - 1.0) / (2.0 * 5.0)) - gap - 3.0 * p / 100.0
+
+    problem.solve()
+    assert problem.contacts[0].pressure == pytest.approx(brentq(overlap, 1e-6, 1.0), rel=1e-9)
+
+
 def beside_each_other(cells, degrees, *, h=None, algorithm=None, beyond=0.0):
     """Blocks pressed together, with the conductance ``h`` or tied.
 

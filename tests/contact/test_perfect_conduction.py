@@ -388,6 +388,7 @@ def solved(values, algorithm=None):
     return scene, problem, (T**2 + 100.0 * ufl.inner(u, u)) * ufl.dx(degree=4)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_gradients_are_those_of_perfect_conduction(algorithm):
     """Adjoint, in one direction, and by differences; temperatures do not depend on k."""

@@ -136,6 +136,7 @@ def test_other_integrations_are_refused(options):
         tube(with_itself("tube/inside", discretization=fm.Discretization(**options)))
 
 
+@pytest.mark.serial
 def test_ten_bodies_that_may_all_touch():
     """All outlines are one list; numbers of 1 rank, equal on 2 and 3 (146.8 in 32 steps)."""
     stack = ten_bodies(lambda data, names: [fm.ContactPair(data, names, law=MU)], foundation=10.0)

@@ -218,6 +218,7 @@ VARIANTS = {
 }  # fmt: skip
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", VARIANTS)
 def test_other_elements_and_equations_agree_with_chosen_sides(name):
     options, of_pair = VARIANTS[name]

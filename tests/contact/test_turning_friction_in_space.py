@@ -223,6 +223,7 @@ def test_work_of_friction_of_a_shaft_is_moment_times_angle(steps):
     assert np.isclose(abs(contact.friction_work), abs(moment) * angle, rtol=0.01)
 
 
+@pytest.mark.serial
 def test_rotation_that_is_known_up_to_full_turns_is_refused():
     _, turn = shaft_in_ring()
     turn(0.0)

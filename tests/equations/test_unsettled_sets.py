@@ -4,12 +4,13 @@
 import numpy as np
 import pytest
 from scenes import internal, linear_elastic, neo_hookean, read, rectangles
-from small_scenes import small_blocks
+from small_scenes import pushed_block, small_blocks
 
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.linearized_contact import BodyCompliance, LinearizedContact
+from fenics_mortar.rigid.proximal import RIGID
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block
 
@@ -62,6 +63,19 @@ def test_no_linearized_problem_without_possible_contact():
     scene.problem.solve()
     e = scene.problem.equations
     assert not LinearizedContact(e.bulk, e.floating, e.system, e.motions).applies
+
+
+def test_floating_body_moves_as_on_its_weakest_springs():
+    """The factorized springs are stiffer by orders of magnitude; the rest is added for motions."""
+    e = pushed_block().equations
+    e.bulk.assemble_tangent()
+    (body,) = e.floating.bodies
+    dofs, motions = e.floating.motions(body)
+    forces = np.zeros((e.bulk.num_owned, len(motions)))
+    forces[dofs.ravel()] = motions.T
+    moves = BodyCompliance(e.bulk, e.floating).displacements(forces)
+    weakest = RIGID.weakest_spring * body.stiffest / body.num_nodes
+    assert np.abs(weakest * moves - forces).max(initial=0.0) < 1e-6
 
 
 def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():

@@ -110,6 +110,7 @@ def test_friction_on_outlines():
     assert forces[1] == pytest.approx(forces[0], abs=1e-8)
 
 
+@pytest.mark.serial
 def test_a_sliver_of_cover_is_handed_over():
     """The corner of the master is on a facet's edge: beyond it a node has 1e-6 of its cover."""
     scene = on_a_block(np.eye(3), False, cell="tetrahedron", order=2, law=fm.Coulomb(0.3))

@@ -16,6 +16,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.space import hertz
+from demos.studies.space.half_spaces import KINDS
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import GAMG, ITERATIVE, Costs
 from fenics_mortar.la.solver import LinearSolver
@@ -218,6 +220,18 @@ def test_each_solve_is_fast_while_nodes_leave_the_contact_in_space():
     problem.solve()
     iterations, digits = counted()
     assert (8.0 * iterations / digits).max() <= 16.0
+
+
+@pytest.mark.once
+@pytest.mark.skipif(not HYPRE, reason="aggregation needs up to twice as many in stretched cells")
+def test_stretched_cells_need_no_more_iterations_in_space():
+    """Boxes graded towards the contact, where cells are up to sixty times as long as high."""
+    posed = hertz.pose(hertz.SCENES["sphere"], KINDS[0], 8, solver="iterative", linear_bulk=False)
+    counted = counted_iterations(posed.problem)
+    posed.press(hertz.loads(hertz.SCENES["sphere"])[0])
+    posed.problem.solve()
+    iterations, digits = counted()
+    assert (8.0 * iterations / digits).max() <= 22.0
 
 
 def test_aggregates_may_have_fewer_dofs_than_rigid_motions():

@@ -118,3 +118,21 @@ def test_in_space_the_strip_is_factored_while_sets_change(monkeypatch):
         assert not keeps or len(made) < len(changed)
         states.append(scene.problem.equations.bulk.values.copy())
     assert np.abs(states[0] - states[1]).max() < 1e-9 * np.abs(states[1]).max()
+
+
+def test_in_space_the_strip_is_that_of_the_present_sets_and_of_those_of_the_cycle():
+    """Nodes that came and left since the cycle was made are no part of it."""
+    scene = pressed("tetrahedron", problem={"solver": "iterative"})
+    scene.move(0.0, 0.0, -0.04)
+    equations, rows = scene.problem.equations, []
+    (contact,), multigrid = equations.contacts, equations.system.solver.multigrid
+    all_of_them, x = contact.active, contact.slave.X[:, 0]
+    half = all_of_them & (x < np.median(x))
+    multigrid.reset(None)
+    for active in (half, all_of_them, half, all_of_them & ~half):
+        contact.change(active=active)
+        equations.linearize()
+        equations.solve_linear()
+        rows.append(multigrid._strip.num_rows)
+    assert rows[0] == rows[2] < rows[1]
+    assert rows[3] == rows[1]  # the cycle is as stiff as if the other half were still in contact

@@ -95,6 +95,7 @@ def test_plane_strain_between_held_faces_is_exact(order, law):
     assert report.verdict(report.assumptions[-1]) == "enough"
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("tilt", [0.0, 0.005])
 def test_estimates_for_a_ring_under_a_tilted_tool(tilt):
     """A tilt changes pressures, hardly the force; 20 facets around have 1.6 % less area."""

@@ -11,6 +11,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.law import Stick
+from fenics_mortar.mesh.space import set_by_input_node
 from fenics_mortar.models.model_error import (
     ENERGY,
     PEAK,
@@ -156,10 +157,9 @@ def test_meshed_tool_gives_the_error_of_a_rigid_obstacle():
     assert found[1] == pytest.approx(found[0], rel=1e-6)
     other, (nodes, u) = SolutionQuantities.of(full), full.equations.bulk.by_input_node()
     here = SolutionQuantities.of(problem)
-    problem.equations.bulk.set_by_input_node(
-        nodes[: SOFT.x[:, :, 0].size], u[: SOFT.x[:, :, 0].size]
-    )
-    other.u = problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy()
+    bulk, count = problem.equations.bulk, SOFT.x[:, :, 0].size
+    set_by_input_node(bulk.space, bulk.u, nodes[:count], u[:count])
+    other.u = bulk.values[: bulk.num_owned].copy()
     true = differences(problem, here, other)
     for name in QUANTITIES:
         assert 0.85 < found[0][name] / true[name] < 1.15, (name, true, found[0])

@@ -10,8 +10,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.interface.integrals import MortarOptions
-from fenics_mortar.interface.on_obstacle import integrate_facets, obstacle_normals
-from fenics_mortar.interface.reference import facet_rule, hand_over
+from fenics_mortar.interface.on_obstacle import OnFacets, integrate_facets, obstacle_normals
+from fenics_mortar.interface.reference import facet_rule, hand_over, tabulate
 from meshes import two_blocks
 
 E, NU = 100.0, 0.3
@@ -173,12 +173,13 @@ def test_facets_and_normals_by_complex_step(kind, pair):
     choice = {"basis": "dual", "gap_weights": "cover", "integration": "segments", **PAIRS[pair]}
     options = MortarOptions(weighting="opposite", points=5, radius=1.0, min_cosine=0.0, **choice)
     weights = hand_over(random.uniform(size=(4, 3)) > 0.3)
-    rule = facet_rule(options.integration, 3, options.points)
+    points, of_points = facet_rule(options.integration, 3, options.points)
+    fixed = weights, tabulate(points, 3), of_points, options.kinds
 
     def evaluate(du, dq):
         obstacle = KINDS[kind]()
         obstacle.place = np.array([0.02, -0.03, 0.1]) + dq / [1.0, 1.0, arm]
-        D, dD, g, dg, dg_dq, _ = integrate_facets(obstacle, arm, x + du, weights, rule, options)
+        D, dD, g, dg, dg_dq, _ = integrate_facets(OnFacets(x + du, *fixed), obstacle, arm)
         _, n, dn, dn_dq = obstacle_normals(obstacle, arm, (x + du)[:, 1], 2)
         return (D, g, n), (dD, dg, dn), (dg_dq, dn_dq)
 

@@ -7,12 +7,13 @@ import pytest
 import fenics_mortar as fm
 from fenics_mortar.interface.integrals import MortarOptions
 from fenics_mortar.interface.on_obstacle import (
+    OnFacets,
     integrate_facets,
     obstacle_normals,
     points_of,
     whole_rule,
 )
-from fenics_mortar.interface.reference import hand_over
+from fenics_mortar.interface.reference import hand_over, tabulate
 from fenics_mortar.kernels.space.shapes import reference_nodes
 from fenics_mortar.obstacles.rigid_motion import (
     by_further_motion,
@@ -210,16 +211,14 @@ def test_facets_and_normals_by_complex_step(kind, size, basis):
     x = facets_of(size)
     carries = np.random.default_rng(6).uniform(size=(3, size)) > 0.3
     carries[:, 0] = True
-    weights, rule = (
-        hand_over(carries, 3),
-        whole_rule(options, 1 if size < 5 else 2, size),
-    )
+    points, weights = whole_rule(options, 1 if size < 5 else 2, size)
+    fixed = hand_over(carries, 3), tabulate(points, size), weights, options.kinds
     projectors = np.broadcast_to(np.diag([1.0, 0.0, 1.0]), (3, 3, 3))
 
     def evaluate(du, dw):
         obstacle = SMOOTH[kind]()
         obstacle.place = PLACE + dw
-        D, dD, g, dg, dg_dq, _ = integrate_facets(obstacle, arm, x + du, weights, rule, options)
+        D, dD, g, dg, dg_dq, _ = integrate_facets(OnFacets(x + du, *fixed), obstacle, arm)
         _, n, dn, dn_dq = obstacle_normals(obstacle, arm, (x + du)[:, 1], 1)
         _, p, dp, dp_dq = obstacle_normals(obstacle, arm, (x + du)[:, 1], 1, projectors)
         n, dn, dn_dq = (np.concatenate(pair) for pair in ((n, p), (dn, dp), (dn_dq, dp_dq)))
@@ -248,12 +247,13 @@ def test_integrals_of_facets(size):
     nodes = reference_nodes(size) @ np.array([[1.0, 0.2], [-0.3, 0.8]])
     x = np.column_stack([nodes, np.zeros(size)])[None]
     options = MortarOptions(basis="dual", **OPTIONS)
-    rule = whole_rule(options, 1 if size < 5 else 2, size)
+    points, weights = whole_rule(options, 1 if size < 5 else 2, size)
     area = (0.5 if size in (3, 6) else 4.0) * (0.8 + 0.06)
     plane = fm.Plane((0, 0, 1.0), (0.3, 0.2, -1.0))
     if size == 6:  # the integrals of the functions of the corners are zero
         options = MortarOptions(basis="standard", **OPTIONS)
-    D, _, g, *_, d = integrate_facets(plane, 1.0, x, np.eye(size)[None], rule, options)
+    given = OnFacets(x, np.eye(size)[None], tabulate(points, size), weights, options.kinds)
+    D, _, g, *_, d = integrate_facets(given, plane, 1.0)
     assert d.sum() == pytest.approx(area, rel=1e-13)
     assert D.sum() == pytest.approx(area, rel=1e-13)
     phi = plane.evaluate(x[0])[0]
@@ -261,7 +261,7 @@ def test_integrals_of_facets(size):
         assert np.allclose(D[0], np.diag(d[0]), atol=1e-13)
         assert np.allclose(g[0], d[0] * phi, atol=1e-13)
     assert g.sum() == pytest.approx(d[0] @ phi, rel=1e-12)
-    assert np.allclose(points_of(x, rule[0])[0] @ (0, 0, 1), 0.0)
+    assert np.allclose(points_of(x, points)[0] @ (0, 0, 1), 0.0)
 
 
 @pytest.mark.each

@@ -80,6 +80,7 @@ def test_tyre_on_a_rigid_hub_is_known_to_turn(degrees):
     assert np.allclose(slip, 0.5 * np.radians(degrees), rtol=0.05), slip
 
 
+@pytest.mark.serial
 def test_arm_does_not_pass_through_a_block_by_a_turn():
     """By 340 degrees, which look like 20 the other way round; the block is above the hub."""
     grids = [

@@ -117,6 +117,7 @@ def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(angle, turn):
         on_floor(1.05 * MU * downhill + DOWN, turn=turn).problem.solve()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("angle", [0.0, np.pi / 2, np.pi])
 def test_block_tips_over_its_edge(angle):
     """A load below the friction limit, through the middle of a narrow block.
@@ -320,6 +321,7 @@ def test_stiff_blocks_that_lean_on_each_other_need_few_iterations(build):
         assert np.allclose(left[2], right[2], rtol=1e-6)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("angle", [0.3, 2.0])
 def test_path_ends_where_friction_is_exceeded(angle):
     """The load on a block turns towards its base until it slides, at time 2 / 3."""

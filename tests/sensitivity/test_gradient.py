@@ -57,6 +57,7 @@ def test_objectives_of_a_sliding_path(name):
     check(scene, OBJECTIVES[name](scene), ["E", "place", "mu"], [30.0, 0.02, 0.1])
 
 
+@pytest.mark.serial
 def test_function_of_the_values_of_all_steps():
     """History and explicit terms of every step."""
     scene = blocks(fm.Coulomb(0.3), places=SLIDE)

@@ -41,6 +41,7 @@ def test_forms_without_friction(cell, degree):
     checked(blocks(cell, degree), FORCE, FORMS, SIZES)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("law", [fm.Coulomb(0.2), fm.Coulomb(2.0), fm.Tresca(1.0)], ids=str)
 @pytest.mark.parametrize("cell, degree", [("hexahedron", 1), ("tetrahedron", 1)])
 def test_friction(cell, degree, law):

@@ -9,7 +9,7 @@ from test_crossing_kernels import circle, outline, rectangle
 import fenics_mortar as fm
 from fenics_mortar.kernels import passage
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Motions, Paths, carry
+from fenics_mortar.verify.node_paths import Motions, Paths, StepEnds, carry
 from fenics_mortar.verify.obstacle_passages import own_frame, passed_through
 
 
@@ -22,7 +22,7 @@ def node_paths(motions):
 def count_passages(x0, x1, segments, after, before, bodies):
     """Number of paths through bodies, searched as in ``Passages``."""
     none, of_segments = np.zeros(len(x0), bool), bodies[segments[:, 0]]
-    paths = Paths(x0, x1, bodies, none, [], 1e-3)
+    paths = Paths(StepEnds(x0, x1, none), bodies, [], 1e-3)
     motions = paths.motions
     everything = np.ones(len(segments), bool)
     looks = [
@@ -114,7 +114,7 @@ def test_nodes_on_a_rotating_obstacle_are_no_passage(seed):
             own_frame(sheet, x, np.array(place))
             for x, place in ((block, (0.0, 0.0, 0.0)), (end, (*shift, angle)))
         )
-        knots = node_paths(Motions(x0, x1, np.zeros(len(x0), np.int64)))
+        knots = node_paths(Motions(StepEnds(x0, x1), np.zeros(len(x0), np.int64)))
         depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
         assert (depth > 0.0).any() == through
 
@@ -126,5 +126,5 @@ def test_passage_of_a_small_obstacle_between_nodes_is_detected(middle, depth):
     ball = fm.Circle((middle, 0.11), 0.11)
     x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)
     moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))
-    knots = node_paths(Motions(x0, moved, np.zeros(11, np.int64)))
+    knots = node_paths(Motions(StepEnds(x0, moved), np.zeros(11, np.int64)))
     assert (passed_through(ball, knots, np.zeros(11), np.full(11, 0.1)) > 0.0).any()

@@ -22,6 +22,7 @@ from space_scenes import held, solid
 
 import fenics_mortar as fm
 from fenics_mortar.utils.errors import MeshError
+from fenics_mortar.verify.node_paths import StepEnds
 from fenics_mortar.verify.space_passages import SpacePaths
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block, mapped
@@ -174,7 +175,7 @@ def test_a_plate_that_went_through_another_one():
 def _passages(scene, x1):
     """Messages on the step from the accepted positions to ``x1``."""
     crossings = scene.crossings
-    paths = SpacePaths(crossings.accepted.x, x1, crossings.outline.bodies, {}, 1e-3)
+    paths = SpacePaths(StepEnds(crossings.accepted.x, x1), crossings.outline.bodies, {}, 1e-3)
     return crossings._through.find(paths)
 
 
@@ -215,9 +216,9 @@ def test_nodes_of_a_body_that_turns_go_along_arcs():
     x0, angle = rng.normal(size=(20, 3)), np.radians(120.0)
     c, s = np.cos(angle), np.sin(angle)
     x1 = x0 @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [1, 2, 3]
-    paths = SpacePaths(x0, x1, np.zeros(20, np.int64), {}, resolution=np.inf)
+    paths = SpacePaths(StepEnds(x0, x1), np.zeros(20, np.int64), {}, resolution=np.inf)
     assert len(paths.times) == 4
-    finer = SpacePaths(x0, x1, np.zeros(20, np.int64), {}, resolution=0.01)
+    finer = SpacePaths(StepEnds(x0, x1), np.zeros(20, np.int64), {}, resolution=0.01)
     sagitta = np.linalg.norm(x0 - x0.mean(axis=0), axis=1).max() * (
         1.0 - np.cos(0.5 * angle / (len(finer.times) - 1))
     )

@@ -44,6 +44,7 @@ def test_pressures_borne_by_another_pair_are_no_violation():
     assert report.certificate.tipping == []
 
 
+@pytest.mark.serial
 def test_a_path_ends_where_a_body_tips_and_the_certificate_is_that_of_its_last_state():
     """The resultant is at the edge under a push of 0.5, and 0.05 facets beyond it under 0.55."""
     scene = overhanging(0.9)

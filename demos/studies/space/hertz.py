@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -101,8 +101,8 @@ class Posed(NamedTuple):
         self.far["upper"].interpolate(partial(boussinesq, hertz.force, 1.0, -hertz.approach))
 
 
-def pose(scene: Scene, kind: Kind, n: int) -> Posed:
-    """The problem on a mesh, without displacements."""
+def pose(scene: Scene, kind: Kind, n: int, **options: Any) -> Posed:
+    """The problem on a mesh, without displacements, with ``options`` of ``ContactProblem``."""
     data = two_boxes(kind, n, (scene.upper, scene.lower))
     V = fm.vector_space(data.mesh, kind.degree)
     u, far = fem.Function(V), {"upper": fem.Function(V), "lower": fem.Function(V)}
@@ -112,7 +112,9 @@ def pose(scene: Scene, kind: Kind, n: int) -> Posed:
         bcs.append(fm.dirichlet(V, data, outside, value))
     pair = fm.ContactPair(data, "upper/bottom", "lower/top")
     residual = elastic_residual(u, kind)
-    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="hertz_")
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="hertz_", **options
+    )
     return Posed(problem, far)
 
 

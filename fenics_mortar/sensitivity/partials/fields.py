@@ -46,14 +46,13 @@ from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
-    facet_thickness,
     gaps_along,
+    on_facets,
     points_of,
     whole_rule,
 )
-from fenics_mortar.interface.reference import hand_over
 from fenics_mortar.utils.errors import MortarError, call_together
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils.ranks import from_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
@@ -184,8 +183,8 @@ def assembled(
         for rows, columns, values in [NO_BLOCK, *blocks]
     ]
     entries = [np.concatenate(several) for several in zip(*parts, strict=True)]
-    if comm is not None and comm.size > 1:
-        entries = [np.concatenate(several) for several in zip(*comm.allgather(entries))]
+    if comm is not None:
+        entries = from_all_ranks(comm, entries)
     on = (entries[0] >= 0) & (entries[1] >= 0)
     rows, columns, values = (several[on] for several in entries)
     return Matrix(rows, columns, values, shape)
@@ -516,16 +515,14 @@ def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, A
 
 def _gap(contact: Contact, name: str, directions: Array) -> Array:
     """This rank's share of the change of the weighted gaps, (m, slave nodes) [length^2] (local)."""
-    o, slave, options = contact.operators, contact.slave, contact.options
-    x, nodes = o.x[o.facet_nodes], o.facet_nodes
-    rule = whole_rule(options, slave.degree, nodes.shape[1])
-    weights = hand_over(contact.multiplier_nodes[nodes], slave.dim, options.basis)
+    o, slave, nodes = contact.operators, contact.slave, contact.operators.facet_nodes
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):
-        at, thickness = points_of(x, rule[0]), facet_thickness(slave, o.x, nodes)
+        rule = whole_rule(contact.options, slave.degree, nodes.shape[1])
+        at = points_of(o.x[nodes], rule[0])
         phi, _ = _distances(contact.obstacle, at.reshape(-1, slave.dim), name, directions)
         phi = phi.reshape(-1, *at.shape[:2])
-        of_facets = gaps_along(x, weights, rule, options, thickness, phi)
+        of_facets = gaps_along(on_facets(contact, o.x, nodes, rule), phi)
         for total, share in zip(gap, of_facets, strict=True):
             np.add.at(total, nodes, share)
     return gap

@@ -56,8 +56,8 @@ from fenics_mortar.contact.arcs import Material, Turned, quarter_turn, spokes_of
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields, SpaceFields
 from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
-from fenics_mortar.contact.slip import Partners, rotation_derivative
-from fenics_mortar.interface.facing import nearest_facets, nearest_on_master
+from fenics_mortar.contact.slip import Partners, by_positions, per_weight_of, rotation_derivative
+from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.integrals import PlaneOperators, share_of
 from fenics_mortar.interface.mortar import EXACT, Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
@@ -416,7 +416,7 @@ class _Terms:
         self.o: PlaneOperators = earlier.operators
         self.faces = earlier.fields.covered
         o, (then, _, found) = self.o, partners.at(now)
-        self.per_weight = np.where(self.faces, 1.0 / np.where(self.faces, o.weight, 1.0), 0.0)
+        self.per_weight = per_weight_of(o, self.faces)
         counts = partners.present == 0.0  # nodes with a distance at the earlier state
         self.e, self.start = found.by_vector, np.where(counts[:, None], found.by_start, 0.0)
         self.turned = np.where(counts, found.by_start_normal, 0.0)[:, None] * quarter_turn(o.n)
@@ -425,24 +425,21 @@ class _Terms:
 
     def _by_D(self, j: Indices, k: Indices) -> Array:
         """d(slip of nodes ``j``)/dP[j, k]; shapes broadcast [length]."""
-        there = np.einsum("...c,...c->...", self.e[j], self.now.x[k])
-        return there + np.einsum("...c,...c->...", self.start[j], self.o.x[k])
+        return _dot(self.e[j], self.now.x[k]) + _dot(self.start[j], self.o.x[k])
 
     def _by_M(self, j: Indices, l: Indices) -> Array:
         """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast [length]."""
-        there = np.einsum("...c,...c->...", self.e[j], self.now.m[l])
-        before = np.einsum("...c,...c->...", self.start[j], self.o.m[l])
-        total = -there - before
+        total = -_dot(self.e[j], self.now.m[l]) - _dot(self.start[j], self.o.m[l])
         for at, sign in zip(self.angles, (1.0, -1.0), strict=True):
             if at is not None:
                 by_partners = (sign * self.by_angle)[:, None] * at.by_partners
-                total = total + np.einsum("...c,...c->...", by_partners[j], at.master[l])
+                total = total + _dot(by_partners[j], at.master[l])
         return total
 
     def blocks(self) -> Iterator[Block]:
         """Blocks of the derivative of the slip: rows slave nodes, columns dofs of both sides."""
         yield from self._of_matrices()
-        yield from self.partners.by_positions(self.o, self.start)
+        yield from by_positions(self.o, self.partners.pairing.entries, self.start)
         yield from self._of_normals()
         yield from self._of_nearest()
 
@@ -480,11 +477,9 @@ class _Terms:
         """Terms with the motion along the nearest facet, at nodes without rows in M."""
         o = self.o
         j = np.flatnonzero(~self.faces)
-        roles = o.slave.roles
-        candidates = None if roles is None else roles.masters_of_nodes(o.slave.facets, j)
-        ends, fraction = nearest_facets(o.x[j], o.m, o.master, candidates)
+        ends, weights = nearest_on_master(o, j)
         mine = share_of(np.arange(j.size), o.slave.comm)
-        j, (a, b), f = j[mine], ends[mine].T, fraction[mine, None]
+        j, (a, b), f = j[mine], ends[mine].T, weights[mine, 1:]
         chord = o.m[b] - o.m[a]
         per_square = 1.0 / (chord**2).sum(axis=1)[:, None]
         by_x = chord * per_square
@@ -496,6 +491,10 @@ class _Terms:
             (o.master, b, by_b),
         ):
             yield Block(j[:, None], surface.dofs_of(nodes[:, None]), (scale * change)[:, None])
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("...c,...c->...", a, b)
 
 
 # Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the

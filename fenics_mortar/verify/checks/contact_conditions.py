@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_mortar.contact.view import describe_search_radius
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
@@ -188,7 +188,7 @@ def _count_missed(measured: Measured) -> int:
     found = 0
     if measured.inside is not None:
         nodes = np.unique(np.concatenate([contact.slave.nodes, contact.master.nodes]))
-        found += int((_among(nodes, measured.inside) & ~_among(nodes, paired)).sum())
+        found += int((np.isin(nodes, measured.inside) & ~np.isin(nodes, paired)).sum())
     else:
         o, labels = contact.operators, measured.labels
         mine = bulk.space.spread(labels)
@@ -196,7 +196,7 @@ def _count_missed(measured: Measured) -> int:
         own = [side.gather(mine)[:, 0] for side, _ in sides]
         labels = np.where(np.isin(labels, np.unique(np.concatenate(own))), labels, -1)
         for (surface, x), of_surface in zip(sides, own, strict=True):
-            alone = ~_among(surface.nodes, paired)
+            alone = ~np.isin(surface.nodes, paired)
             inside = bulk.cells.inside_other_body(
                 bulk.positions(), x[alone], of_surface[alone], labels
             )
@@ -204,16 +204,8 @@ def _count_missed(measured: Measured) -> int:
     if contact.obstacle is not None:
         phi = contact.on_obstacle.phi - contact.now.offset
         deep = phi < -HALF_FACET * contact.slave.nodal_lengths
-        found += int((deep & ~_among(contact.slave.nodes, paired)).sum())
+        found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
     return found
-
-
-def _among(nodes: Indices, ascending: Indices) -> Flags:
-    """Whether ``nodes`` (n,) are among the numbers ``ascending`` (m,), shape (n,), bool (local)."""
-    if not ascending.size:
-        return np.zeros(nodes.size, bool)
-    at = np.minimum(np.searchsorted(ascending, nodes), ascending.size - 1)
-    return np.asarray(ascending[at] == nodes)
 
 
 def _not_unique(measured: Measured) -> Iterator[Finding]:

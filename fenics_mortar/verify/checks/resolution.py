@@ -150,7 +150,8 @@ def _narrow_regions(contact: Contact, pressure: Array) -> tuple[float, str]:
     active = active | (contact.tied & ~contact.may_carry & _beside(active, edges))
     measure = partial(_on_curve, contact, facets)
     if slave.dim == 3:
-        measure = partial(_on_faces, contact, facets, _surrounded(active, edges), _on_edge(contact))
+        surrounded = active & ~_beside(~active, edges)  # their neighbours are all active
+        measure = partial(_on_faces, contact, facets, surrounded, _on_edge(contact))
     force = np.where(contact.active, np.maximum(pressure, 0.0) * contact.operators.weight, 0.0)
     found = list[tuple[float, str]]()
     for nodes in _regions(active, edges):
@@ -183,13 +184,8 @@ def _edges_between_nodes(contact: Contact) -> Indices:
     return np.unique(np.sort(surface.facets[:, pairs].reshape(-1, 2), axis=1), axis=0)
 
 
-def _surrounded(active: Flags, edges: Indices) -> Flags:
-    """Active nodes whose neighbours are all active, shape (n,), bool."""
-    return active & ~_beside(~active, edges)
-
-
 def _beside(nodes: Flags, edges: Indices) -> Flags:
-    """Nodes with a neighbour among ``nodes`` (n,), bool, likewise."""
+    """Nodes with a neighbour among ``nodes``, shape (n,), bool."""
     found = np.zeros_like(nodes)
     found[edges[nodes[edges[:, 1]], 0]] = True
     found[edges[nodes[edges[:, 0]], 1]] = True
