@@ -214,19 +214,19 @@ def find_units(K: PETSc.Mat, space: DisplacementSpace, stiffness: float) -> tupl
     units[space.owned_dofs] = to_force[space.owned_dofs] = 1.0
     transpose = K.transpose(PETSc.Mat())
     for _ in range(space.whole.num_sub_spaces):  # those found last may be needed for to_force
-        sizes = _row_sizes(transpose, to_force), _row_sizes(K, units)
+        sizes = row_sizes(transpose, to_force), row_sizes(K, units)
         for known, size in zip((units, to_force), sizes, strict=True):
             reached = (known == 0.0) & (size > 0.0)
             known[reached] = stiffness / size[reached]
     to_force = np.where(to_force > 0.0, to_force, 1.0)
-    size = _row_sizes(transpose, to_force)
+    size = row_sizes(transpose, to_force)
     transpose.destroy()
     own = stiffness / np.where(size > 0.0, size, stiffness)
     return np.where(units > 0.0, units, own), to_force
 
 
-def _row_sizes(matrix: PETSc.Mat, columns: Array) -> Array:
-    """Largest absolute entry in each row of matrix diag(columns), shape (owned rows,)."""
+def row_sizes(matrix: PETSc.Mat, columns: Array) -> Array:
+    """Largest absolute entry in each row of matrix diag(columns), (owned rows,) [entry column]."""
     scale = matrix.createVecRight()
     scale.array[:] = columns
     scaled = matrix.copy()
@@ -569,29 +569,40 @@ class Fields:
         self._parts = [part for part in range(whole.num_sub_spaces) if part != bulk.space.part]
         dofs = [compat.collapsed(whole.sub(part))[1] for part in self._parts]
         self._dofs: list[Indices] = [some[some < bulk.num_owned] for some in dofs]
+        self.begin()
+
+    def begin(self) -> None:
+        """A solve starts at the present values (local)."""
+        self._start = np.abs(self._bulk.values[: self._bulk.num_owned])
 
     def change(self, step: Array, sources: Mapping[int, float]) -> float:
         """Largest change of a field over its largest value [1] (collective).
 
-        Changes by rounding do not count: of the terms of the field's equation, or of sources.
+        Changes by rounding do not count: of the terms of the field's equation, also with the values
+        at the start, which may have been taken away; of its loads; or of sources.
 
         Args:
             step: Changes of the unknowns, owned ones first, shape (num_owned,) or longer.
             sources: Rounding of sources that are not in the bulk, by field [flux length].
         """
         bulk, mine = self._bulk, []
-        step, x = (np.abs(values[: bulk.num_owned]) for values in (step, bulk.values))
-        terms = 4.0 * EPSILON * np.sqrt(bulk.num_dofs) * _row_sizes(bulk.K, x + step)
+        step, x, r = (np.abs(v[: bulk.num_owned]) for v in (step, bulk.values, bulk.r.array_r))
+        terms = row_sizes(bulk.K, x + step + self._start)
+        rounding = 4.0 * EPSILON * np.sqrt(bulk.num_dofs)
         for part, dofs in zip(self._parts, self._dofs, strict=True):
             of_field = np.zeros(bulk.num_owned)
             of_field[dofs] = 1.0
-            own = _row_sizes(bulk.K, of_field)[dofs]
+            own = row_sizes(bulk.K, of_field)[dofs]
             known = own > 0.0  # others, as pressures of incompressible bodies, are in the residual
-            noise = (terms[dofs] + sources.get(part, 0.0))[known] / own[known]
-            sizes = step[dofs][known], x[dofs], noise
+            noise = rounding * terms[dofs] + sources.get(part, 0.0)
+            sizes = step[dofs][known], x[dofs], noise[known] / own[known], r[dofs], 1.0 / own[known]
             mine.append([values.max(initial=0.0) for values in sizes])
-        of_all = largest_over_ranks(bulk.comm, np.array(mine).reshape(-1, 3))
-        counts = (change / max(value, TINY) for change, value, noise in of_all if change > noise)
+        of_all = largest_over_ranks(bulk.comm, np.array(mine).reshape(-1, 5))
+        counts = (
+            change / max(value, TINY)
+            for change, value, noise, load, per_load in of_all
+            if change > noise + rounding * load * per_load
+        )
         return float(max(counts, default=0.0))
 
 

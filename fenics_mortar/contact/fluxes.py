@@ -51,6 +51,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -127,11 +128,13 @@ class FluxValues:
 
         An open node has the conductance of open contact, continued linearly to negative gaps.
         """
-        law, closed, gap = self._law, self.f.state.active, self.f.mean_gap
+        law, closed = self._law, self.f.state.active
         pressure = np.where(closed, np.maximum(self.f.z_n, 0.0), 0.0)
-        opened = np.where(closed, 0.0, np.maximum(gap, TINY))
+        gap = np.where(closed | ~self.on, 0.0, self.f.mean_gap)
+        least = max(EPSILON * float(np.abs(self.o.x).max(initial=0.0)), TINY)  # known of a gap
+        opened = np.where(closed | ~self.on, 0.0, np.maximum(gap, least))
         h = law.evaluate(pressure, opened, finite=self._is_finite)
-        h = h._replace(h=h.h + h.by_gap * np.where(closed, 0.0, np.minimum(gap, 0.0)))
+        h = h._replace(h=h.h + h.by_gap * np.minimum(gap, 0.0))
         if not callable(law.heating):
             return h, ()
         return h, law.power(np.where(self.on, pressure, 0.0), self.o.slave.X)
@@ -362,11 +365,14 @@ class Flux:
         cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
             field]; inf for a separate field.
         to_force: Factor that turns loads into forces of Newton's residual [stress / flux].
+        jumps: Whether the conductance may jump where contact closes.
 
     Raises:
         ValueError: On all ranks, if the space has no such field, or an obstacle no temperature, or
             a separate field is conducted perfectly.
     """
+
+    jumps: Any = property(attrgetter("law.jumps"))
 
     def __init__(
         self,
@@ -435,6 +441,11 @@ class Flux:
     def largest(self) -> float:
         """Largest magnitude of the field on both sides [field] (local, replicated)."""
         return max(float(np.abs(values).max(initial=0.0)) for values in self._values)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether friction is a source (local)."""
+        return bool(self.law.heating == "friction" and self._contact.pair.law.has_friction)
 
     @property
     def rounding(self) -> float:

@@ -688,7 +688,8 @@ class Tresca(Friction):
     def check(self) -> None:
         """Check the friction limit."""
         super().check()
-        check_positive(self, "stress", zero=True)
+        expected = "zero or a positive number"
+        check_number("stress", self.stress, expected, lambda stress: 0.0 <= stress < np.inf)
 
     def __repr__(self) -> str:
         """The friction limit; all numbers of a derived law."""

@@ -510,7 +510,10 @@ def find_partners(
 
 
 def per_weight_of(o: MortarOperators, faces: Flags) -> Array:
-    """1 / w_j of nodes that have partners, ``faces`` (n,), else 0, (n,) [1 / area] (local)."""
+    """1 / w_j of nodes that have partners, ``faces`` (n,), else 0, (n,) (local).
+
+    Units [1 / area], in the plane [1 / length].
+    """
     return np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
 
 

@@ -449,7 +449,8 @@ def _show_across_ties(contact: Contact, ties: Sequence[Tie]) -> None:
         across = across[np.argsort(carries[across], kind="stable")]  # the last one remains
         ways = slave.X[alone, None] - slave.X[across] - tie.pair.translation
         i, j = np.nonzero((ways**2).sum(axis=2) <= (SAME_PLACE * slave.extent) ** 2)
-        shown[alone[i]] = across[j]
+        still = ~carries[shown[alone[i]]]  # not found by a tie before
+        shown[alone[i][still]] = across[j][still]
     for _ in ties:
         shown = shown[shown]
     alone = np.flatnonzero((shown != own) & carries[shown])

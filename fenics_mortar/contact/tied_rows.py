@@ -410,7 +410,7 @@ class TiedField:
         """Zero [1]: rows are those of the multipliers (local)."""
         return 0.0
 
-    exceeds = False  # there is no conductance
+    exceeds = jumps = False  # there is no conductance
 
     def softened(self) -> AbstractContextManager[None]:
         """Nothing: there is no conductance (local)."""

@@ -313,11 +313,13 @@ def describe_start(contact: Interface) -> str:
         return ""
     if not _overlaps(contact):
         return ""
+    cure = "move the bodies apart in the mesh"
+    if contact.obstacle is not None:
+        cure = "move the obstacle back"
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
         f"{format_point(contact.operators.x[j])} before the first solve, treated as interference; "
-        "if none is meant, move the bodies apart in the mesh (initial_gap=0 closes gaps and "
-        "overlaps of up to half a facet)"
+        f"if none is meant, {cure} (initial_gap=0 closes gaps and overlaps of up to half a facet)"
     )
 
 

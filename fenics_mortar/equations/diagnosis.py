@@ -15,10 +15,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 
 from fenics_mortar.bulk.bodies import join_bodies, products
+from fenics_mortar.bulk.residual import row_sizes
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.contact.law import STICK, Branches
@@ -300,23 +302,28 @@ def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> tuple[Ind
 def _resistance(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
     """1 for parts whose equations or conditions resist a constant field, else 0, (count + 1,).
 
-    A field without stiffness of its own, such as the pressure of incompressible bodies, is a
-    multiplier: its constant is resisted if it acts on displacements that are not prescribed. The
-    last entry is that of no part. With ``bulk.K`` assembled anew.
+    A pressure is resisted by displacements that are not prescribed, on which it acts and which
+    change its equations; temperatures only expand the bodies. The last entry is that of no part.
+    With ``bulk.K`` assembled anew.
     """
     bulk.assemble_tangent()
-    response, diagonal = products(bulk.K, 1.0 * of_field[None])[0], bulk.K.getDiagonal().array_r
-    fixed = bulk.prescribed[: of_field.size]
-    moved = (part_of >= 0) & ~of_field
-    rows = (of_field, response), (of_field, diagonal), (moved & ~fixed, response), (moved, response)
+    one, fixed = 1.0 * of_field, bulk.prescribed[: of_field.size]
+    moved, transpose = (part_of >= 0) & ~of_field, bulk.K.transpose(PETSc.Mat())
+    acts, follows = (
+        (products(matrix, one[None])[0], row_sizes(matrix, one)) for matrix in (bulk.K, transpose)
+    )
+    transpose.destroy()
+    rows = [(of_field, acts[0]), (of_field, bulk.K.getDiagonal().array_r)]
+    for sums, entries in (acts, follows):
+        rows += [(moved & ~fixed, sums), (moved, entries)]
     sizes = np.zeros((len(rows), count + 1))
     for size, (on, values) in zip(sizes, rows, strict=True):
         np.maximum.at(size, part_of[on], np.abs(values[on]))
-    within, own, free, all_moved = largest_over_ranks(bulk.comm, sizes)
+    sums, entries = largest_over_ranks(bulk.comm, sizes).reshape(3, 2, -1).transpose(1, 0, 2)
+    within, acts_on_free, follows_free = sums > ROUNDING * entries
     conditions = np.bincount(part_of[of_field & fixed], minlength=count + 1)
     prescribed = sum_over_ranks(bulk.comm, conditions) > 0
-    resists = np.where(own > 0.0, within > ROUNDING * own, free > ROUNDING * all_moved)
-    return np.where(prescribed | resists, 1.0, 0.0)
+    return np.where(prescribed | within | (acts_on_free & follows_free), 1.0, 0.0)
 
 
 def _conducting(
@@ -481,10 +488,10 @@ def _describe_alternating(contacts: Sequence[Interface], recent: Sequence[SetsOf
                 f"{or_other_weights(contact)}"
             )
             for flux in contact.fluxes:
-                if flux.law.jumps:
+                if flux.jumps:
                     why = (
-                        f"{flux.law!r} jumps at closing, and bodies that shrink by what flows open "
-                        "again, so that there may be no such state; take a conductance that "
+                        f"where {flux.law!r} jumps at closing, bodies that shrink by what flows "
+                        "open again: there may be no such state; take a conductance that "
                         "begins with the pressure, as PressureConductance"
                     )
             return (

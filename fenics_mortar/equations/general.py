@@ -245,6 +245,8 @@ class ContactEquations:
         if self.floating.bodies:
             self.floating.add_spring_forces()
         if start:
+            if self.bulk.is_mixed:
+                self.bulk.fields.begin()
             self._set_record.begin()
             self._redundancy.begin()
             self.residual.begin()
@@ -350,7 +352,9 @@ class ContactEquations:
         solver.forcing = forcing(residuals, goal, force, sets_change=changes)
         for contact in self.contacts:
             for flux in contact.fluxes:
-                if flux.exceeds:  # loads of its rows exceed the residual by many orders
+                # Loads of its rows exceed the residual by many orders; or flows that exceed forces
+                # by many change with the active set, which follows from displacements.
+                if flux.exceeds or flux.jumps:
                     solver.forcing = 0.0
         is_bordered = self.motions.exist and self.motions.are_unknown
         solver.same_step = not (len(residuals) == 1 or is_bordered)
@@ -405,7 +409,7 @@ class ContactEquations:
         relative = max(self.bulk.largest(change), motion) / size
         if self.bulk.is_mixed:
             contacts = [contact for contact in self.contacts if isinstance(contact, Contact)]
-            fluxes = [flux for contact in contacts for flux in contact.fluxes]
+            fluxes = [flux for contact in contacts for flux in contact.fluxes if flux.rubs]
             sources = dict.fromkeys((flux.law.field for flux in fluxes), 0.0)
             for flux in fluxes:
                 sources[flux.law.field] = max(sources[flux.law.field], flux.rounding)

@@ -20,6 +20,7 @@ import numpy as np
 from fenics_mortar.bulk.checks import (
     check_axis_values,
     have_common_facet,
+    radial_dofs_on_axis,
     remark_on_radius,
     remark_on_thickness,
 )
@@ -198,7 +199,7 @@ class Inputs:
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._motions = MotionInputs(bulk, motions)
         self._conflicts = Conflicts(bulk)
-        self._begins = True
+        self._begins, self._on_axis = True, radial_dofs_on_axis(bulk.space)
         self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
         self._first += [*remarks_on_ties(contacts, bulk.space), *remarks_on_friction(contacts)]
 
@@ -235,7 +236,7 @@ class Inputs:
             bulk, self._begins = self._bulk, False
             slaves = [contact.slave for contact in self._contacts]
             self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space, slaves))
-        check_axis_values(self._bulk.space, self._bulk.u, self._bulk.bcs)
+        check_axis_values(self._bulk.space, self._bulk.u, self._bulk.bcs, self._on_axis)
         self._motions.remember()
         remarks, self._first = self._first, []
         return [*filter(None, remarks), *self._conflicts.describe()]

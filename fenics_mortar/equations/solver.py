@@ -272,7 +272,7 @@ class Solver:
         e, pairs = self._equations, self._may_be_led()
         change = 0.0
         for number in range(LED_SOLVES + 1):
-            carried = e.crossings.carried_by_solution() if pairs else None
+            carried = e.crossings.carried(solved=True) if pairs else None
             if carried is None:
                 return report
             kept = [pair.partners for pair in pairs]
@@ -359,7 +359,7 @@ class Solver:
                 if motions:
                     turn(e, motions, followed=motions is not turns)
                 if len(motions) > len(turns):  # values tell no turns of others
-                    self._lead(e.crossings.carried_by_solution())
+                    self._lead(e.crossings.carried(solved=True))
                 return newton()
             except NotConvergedError as error:
                 if e.newton.tentative:
@@ -370,7 +370,8 @@ class Solver:
                 failed.report.notes.append(f"{failed}: other bodies turn first, or none")
                 newton = partial(then_solve, failed.report, self._newton())
         floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
-        if self._has_own_law or self._softening() or not floats:
+        softens = bool(self._softening()) and not (floats and e.remedies.drifts())
+        if self._has_own_law or softens or not floats:
             try:
                 return self._restart(start, failed)
             except NotConvergedError as error:
@@ -433,6 +434,9 @@ class Solver:
             except NotConvergedError as error:
                 last = error
                 continue
+            except NotFiniteError as error:  # where the attempt before has ended
+                last = NotConvergedError(str(error), last.report)
+                continue
             finally:
                 for c in self._softening():
                     c.omit_softening(always=False)
@@ -466,7 +470,7 @@ class Solver:
         """Newton's method, by default as it converged last; to be called at a state."""
         e = self._equations
         options = e.newton
-        if damped is not None:
+        if damped is not None and not self._may_cut:
             options = replace(options, max_iterations=2 * options.max_iterations)
         if (self._damps if damped is None else damped) and not options.damped:
             options = replace(options, line_search=True)

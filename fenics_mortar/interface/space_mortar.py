@@ -141,9 +141,9 @@ class SpaceOperators(MortarOperators):
     rule: tuple[Array, Array]
     offset: Array
     # derivatives found so far, and the multipliers ``z`` (slave nodes, c) of the forces
-    _found: dict[str, Array] = field(default_factory=dict, init=False, compare=False)
+    _found: dict[str, Array] = field(default_factory=dict, init=False, compare=False, repr=False)
     # the last two results of ``near``: with multipliers that act, and with slip
-    _near: dict[bytes, Self] = field(default_factory=dict, init=False, compare=False)
+    _near: dict[bytes, Self] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @cached_property
     def columns(self) -> Indices:

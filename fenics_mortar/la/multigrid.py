@@ -413,7 +413,7 @@ class ContactPreconditioner:
         dofs = dofs_of(surfaces)
         if bulk.space.dim == 3:
             everywhere = bulk.comm.allgather([d for c in contacts for d in _loaded_dofs(c)])
-            loaded = np.unique(np.concatenate([self._loaded[:0], *chain(*everywhere)]))
+            loaded = np.unique(np.concatenate([np.empty(0, np.int64), *chain(*everywhere)]))
             if not of_cycle:
                 self._loaded = loaded
             loaded = np.union1d(loaded, self._loaded)

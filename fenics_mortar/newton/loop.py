@@ -99,11 +99,14 @@ class NewtonReport(Markdown):
 
     def followed_by(self, other: NewtonReport) -> NewtonReport:
         """Record of this solve and the next one, ``other``, with the outcome of the latter."""
-        return replace(
+        both = replace(
             other,
             iterations=self.iterations + other.iterations[1:],
             notes=merge_repeated([*self.notes, *other.notes]),
         )
+        if both.converged:
+            both.reason = f"converged in {both.num_iterations} iterations"
+        return both
 
     def total_seconds(self) -> dict[str, float]:
         """Wall time of all iterations, by phase [s]."""

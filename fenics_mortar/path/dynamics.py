@@ -465,8 +465,9 @@ class Dynamics:
         which then act suddenly. Loads that grow from zero: ``run``, whose ``set_loads`` follows.
 
         Returns:
-            The record of the Newton iterations. If errors of the steps have changed the energy, see
-            ``DynamicsReport.remark``, its first note says so and names a step that suffices.
+            The record of the Newton iterations. If the step adds to errors of the energy that
+            ``DynamicsReport.remark`` would name, since the first of successive calls, its first
+            note says so, and names a step that suffices.
 
         Raises:
             NotConvergedError: On all ranks, as ``ContactProblem.solve``; state, velocity and time
@@ -479,11 +480,14 @@ class Dynamics:
             check_step(dt, self.time)
         with restored_if_interrupted(self.problem.equations):
             self._begin()
+            follows = self._errors.time == self.time
             report, _, work = self._advance(dt, forces_of(self.problem))
-        kinetic = 0.5 * self._largest_speed**2
-        self._errors = self._errors.after(work, kinetic, self.energy_deficit)
-        remark = self._errors.remark(self.scheme, self.rho_inf, dt)
-        report.notes[:0] = filter(None, [remark])
+        before = self._errors if follows else EnergyErrors()
+        totals = 0.5 * self._largest_speed**2, self.energy_deficit
+        self._errors = before.after(work, *totals, size=dt, time=self.time)
+        if self._errors.worst(self.scheme) > before.worst(self.scheme):
+            remark = self._errors.remark(self.scheme, self.rho_inf)
+            report.notes[:0] = filter(None, [remark])
         return report
 
     def _advance(

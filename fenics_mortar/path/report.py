@@ -426,6 +426,8 @@ class EnergyErrors(NamedTuple):
         contact: Energy that contact pressures added [likewise].
         friction: Energy that friction added [likewise].
         imbalance: Work of forces that are not in balance in the first step [likewise].
+        size: Largest step, 0 if unknown [time].
+        time: End of the last step [time].
     """
 
     kinetic: float = 0.0
@@ -433,50 +435,62 @@ class EnergyErrors(NamedTuple):
     contact: float = 0.0
     friction: float = 0.0
     imbalance: float = 0.0
+    size: float = 0.0
+    time: float = 0.0
 
-    def after(self, work: Work, kinetic: float, deficit: float) -> EnergyErrors:
+    def after(
+        self, work: Work, kinetic: float, deficit: float, *, size: float, time: float
+    ) -> EnergyErrors:
         """The errors after one more step.
 
         Args:
             work: Work done in the step.
             kinetic: Largest kinetic energy so far [stress length^2].
             deficit: Energy lost so far and not returned [likewise].
+            size: The step [time].
+            time: Its end [time].
         """
         return EnergyErrors(
             kinetic=kinetic,
             deficit=deficit,
             contact=self.contact - work.pressure,
             friction=self.friction - work.shear,
-            imbalance=self.imbalance if self.kinetic else work.imbalance,
+            imbalance=self.imbalance if self.size else work.imbalance,
+            size=max(self.size, size),
+            time=time,
         )
 
-    def remark(self, scheme: str, rho_inf: float, size: float) -> str:
+    def _found(self, scheme: str) -> list[tuple[str, float]]:
+        """What has errors above its limit, and their share in the kinetic energy [1]."""
+        energies = [
+            ("the time steps", -self.deficit, CONSERVED),
+            ("contact pressures", 0.0 if scheme == "conserving" else self.contact, ADDED),
+            ("friction", max(self.friction, 0.0), ADDED),
+        ]
+        shares = [(who, energy / max(self.kinetic, TINY), limit) for who, energy, limit in energies]
+        return [(who, share) for who, share, limit in shares if abs(share) > limit]
+
+    def worst(self, scheme: str) -> float:
+        """Largest share of an error above its limit, 0 without [1]."""
+        return max((abs(share) for _, share in self._found(scheme)), default=0.0)
+
+    def remark(self, scheme: str, rho_inf: float) -> str:
         """What the errors are and what would reduce them, apart from what is in use.
 
         Args:
             scheme: The time scheme; see ``Dynamics``.
             rho_inf: Its spectral radius at infinite frequency [1].
-            size: Largest step, 0 if unknown [time].
 
         Returns:
             The remark; "" if the errors are small.
         """
-        if not self.kinetic:
-            return ""
-        conserving = scheme == "conserving"
-        energies = [
-            ("the time steps", -self.deficit, CONSERVED),
-            ("contact pressures", 0.0 if conserving else self.contact, ADDED),
-            ("friction", max(self.friction, 0.0), ADDED),
-        ]
-        shares = [(who, energy / self.kinetic, limit) for who, energy, limit in energies]
-        found = [(who, share) for who, share, limit in shares if abs(share) > limit]
-        if not found:
+        conserving, size, found = scheme == "conserving", self.size, self._found(scheme)
+        if not self.kinetic or not found:
             return ""
         messages = [
             f"{who} {'added' if share > 0 else 'took'} {abs(share):.2g}" for who, share in found
         ]
-        excess = max(abs(share) for _, share in found) / CONSERVED
+        excess = self.worst(scheme) / CONSERVED
         if conserving and abs(self.imbalance) > 0.5 * abs(self.deficit) > 0.0:
             advice = "a finer contact surface: its nodes were not in balance at the start"
         elif scheme == "generalized_alpha":  # its surfaces have mass: smaller steps do not help
@@ -561,8 +575,9 @@ class DynamicsReport(_OfSteps):
             contact=self.contact_energy,
             friction=-self.friction_work,
             imbalance=self.steps[0].work.imbalance,
+            size=max(s.size for s in self.steps),
         )
-        return errors.remark(self.scheme, self.rho_inf, max(s.size for s in self.steps))
+        return errors.remark(self.scheme, self.rho_inf)
 
     def table(self) -> str:
         """Markdown table, one row per step."""

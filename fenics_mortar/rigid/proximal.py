@@ -149,7 +149,7 @@ def solve_with_springs(
         NotConvergedError: On all ranks, if the bodies do not come to rest.
     """
     begin, run = equations.state(), _OnSprings(equations, options, failed)
-    report, first = run.move(failed.report)
+    report, first, nearest = run.move(failed.report)
     arrived, carried = equations.state(), equations.springs.remaining().fraction
     try:
         return run.without(report)
@@ -159,14 +159,17 @@ def solve_with_springs(
         equations.restore(arrived if carried < np.inf else begin)
         aim = RIGID.elongation if carried < np.inf else first
         try:
-            report, _ = run.move(report, balanced=True, aim=aim)
+            report, _, again = run.move(report, balanced=True, aim=aim)
             arrived, carried = equations.state(), equations.springs.remaining().fraction
+            nearest = again or nearest
             return run.without(report)
         except NotConvergedError as error:
             report = error.report
+    repeats = RIGID.repeats
+    if carried > RIGID.negligible and nearest is not None:
+        arrived, repeats = nearest, 1  # they would carry more after further solves
     equations.restore(arrived)
     again = NotConvergedError(failed.report.reason, report)
-    repeats = RIGID.repeats if carried else 1
     return solve_with_weak_springs(equations, options, again, repeats=repeats)
 
 
@@ -225,7 +228,7 @@ class _OnSprings:
 
     def move(
         self, report: NewtonReport, *, balanced: bool = False, aim: float = RIGID.elongation
-    ) -> tuple[NewtonReport, float]:
+    ) -> tuple[NewtonReport, float, Any]:
         """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
 
         If ``balanced``, also until their force does, with ever weaker springs. A round body on one
@@ -233,20 +236,20 @@ class _OnSprings:
         until the next node supports it, too. Solves after which no contact force acts on a body
         have failed then: Newton's method has jumped. The first elongation is ``aim``.
 
-        If negligible forces of springs increase, the error of the contact forces turns a body, such
-        as a ball without friction, for ever. The state before remains, where springs are relaxed:
-        they would carry more after further solves.
+        Bodies may not come to rest, such as a ball without friction, which the error of the contact
+        forces turns for ever.
 
         Returns:
-            The record of all iterations, and the elongation of the first solve that did not fail:
-            with longer ones another pass from the same state would fail, too.
+            The record of all iterations; the elongation of the first solve that did not fail: with
+            longer ones another pass from the same state would fail, too; the state where forces of
+            springs are negligible and least, ``None`` without one.
         """
         # the last solve, without springs, uses the user's tolerance
         tolerance = max(SOLVED, self.options.residual_tolerance)
         rough = replace(self, options=replace(self.options, residual_tolerance=tolerance))
-        springs, failures, first, carried = self.equations.springs, 0, None, np.inf
+        springs, failures, first = self.equations.springs, 0, None
+        least, nearest = RIGID.negligible, None
         for _ in range(RIGID.max_solves):
-            before, start = carried, self.equations.state()
             report, reason = rough.anchored(report, aim, touched=balanced)
             if reason:
                 aim, failures = aim / RIGID.recovery**3, failures + 1
@@ -258,12 +261,11 @@ class _OnSprings:
             carried = springs.remaining().fraction
             if rests and not (balanced and carried > RIGID.negligible):
                 break
-            if before < carried <= RIGID.negligible:
-                self.equations.restore(start)
-                break
+            if carried <= least:
+                least, nearest = carried, self.equations.state()
             aim, failures = RIGID.recovery * aim, 0
             aim = aim if rests else min(aim, RIGID.elongation)
-        return report, first or aim
+        return report, first or aim, nearest
 
     def anchored(
         self, report: NewtonReport, aim: float, *, touched: bool

@@ -132,8 +132,9 @@ class Crossings:
 
     def _prepare(self) -> None:
         """Find which overlaps the mesh has, and which the discretization admits."""
-        little = [body for c, pair in self._with_bodies() if slides_little(c) for body in pair]
-        finite = [body for c, pair in self._with_bodies() if not slides_little(c) for body in pair]
+        pairs = list(zip(self._contacts, self._of_pairs, strict=True))
+        little = [body for contact, pair in pairs if slides_little(contact) for body in pair]
+        finite = [body for contact, pair in pairs if not slides_little(contact) for body in pair]
         self._slide_little = np.setdiff1d(little, finite)
         self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
@@ -141,10 +142,6 @@ class Crossings:
         self._excused = self._as_meshed()
         given = self.outline, self._contacts, self._slaves, self._names, self._excused
         self.in_step = Passages(*given)
-
-    def _with_bodies(self) -> Iterator[tuple[Contact | Tie, list[int]]]:
-        """Pairs and their bodies."""
-        return zip(self._contacts, self._of_pairs, strict=True)
 
     # A state
 
@@ -189,7 +186,8 @@ class Crossings:
 
         Overlaps of the mesh are left out, except those between surfaces in contact.
         """
-        for pair, (row, limit) in self._deepest(rows, admitted).items():
+        for pair, k in _firsts(self._bodies_in(rows), rows[:, 2] / admitted).items():
+            row, limit = rows[k], float(admitted[k])
             in_contact = self._admitted.are_in_contact(row[None])[0]
             excused = 0.0 if in_contact else self._excused.get(pair, 0.0)
             facets = float(row[2]) - excused
@@ -200,7 +198,7 @@ class Crossings:
 
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
         """Folds of bodies with linear strains and small sliding, see ``overlap``, (k,), bool."""
-        bodies = self._segment_bodies[rows[:, :2].astype(np.int64)]
+        bodies = self._bodies_in(rows)
         marks = (bodies[:, 0] == bodies[:, 1]) & np.isin(bodies[:, 0], self._slide_little)
         if marks.any() and not self._bulk.form_points.any:
             marks[marks] = are_folds(x, self.outline.segments, self._segment_bodies, rows[marks])
@@ -214,27 +212,31 @@ class Crossings:
             x, o.segments, *self._links, o.lengths(x), self._segment_bodies, allowed
         )
 
-    def _deepest(self, rows: Array, admitted: Array) -> dict[tuple[int, int], tuple[Array, float]]:
-        """Row of the largest depth over ``admitted`` (k,), and the latter, for each two bodies."""
-        found: dict[tuple[int, int], tuple[Array, float]] = {}
-        for k in np.argsort(-rows[:, 2] / admitted, kind="stable"):
-            one, other = self._segment_bodies[rows[k, :2].astype(np.int64)].tolist()
-            found.setdefault((min(one, other), max(one, other)), (rows[k], float(admitted[k])))
-        return found
+    def _bodies_in(self, rows: Array) -> Indices:
+        """The two bodies of each row (k, 6), ascending, shape (k, 2)."""
+        return np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
 
-    def _as_meshed(self) -> dict[tuple[int, int], float]:
+    def _as_meshed(self) -> dict[Bodies, float]:
+        """See ``_excuse``."""
+        X = self.outline.X
+        rows = self._crossings(X, np.zeros(len(X)))
+        rows = rows[~self._admitted.are_in_contact(rows)]
+        return self._excuse(self._bodies_in(rows), rows[:, 2])
+
+    def _excuse(self, bodies: Indices, facets: Array) -> dict[Bodies, float]:
         """Overlap of bodies in the mesh outside contact pairs [facets], inf if it is deep.
 
         Offsets are zero at this time. The overlap of a body with itself, such as a closed ring, is
         its value in the mesh. Deep overlaps of bodies in contact are not excused.
+
+        Args:
+            bodies: The two bodies of each overlap, ascending, shape (k, 2).
+            facets: Its depth, shape (k,) [facets].
         """
-        found, X = {}, self.outline.X
-        rows = self._crossings(X, np.zeros(len(X)))
-        rows = rows[~self._admitted.are_in_contact(rows)]
-        for pair, (row, _) in self._deepest(rows, np.ones(len(rows))).items():
-            facets = float(row[2])
-            if pair[0] == pair[1] or facets <= HALF_FACET:
-                found[pair] = facets
+        found = dict[Bodies, float]()
+        for pair, k in _firsts(bodies, facets).items():
+            if pair[0] == pair[1] or facets[k] <= HALF_FACET:
+                found[pair] = float(facets[k])
             elif pair not in self._in_contact:
                 found[pair] = np.inf
         return found
@@ -312,15 +314,18 @@ class Crossings:
         if (self._free * (self._left - self._positions())).any():
             self.accept(places)
 
-    def carried(self) -> Carried | None:
+    def carried(self, *, solved: bool = False) -> Carried | None:
         """The outlines' nodes after the motions that lead bodies in this step; see ``arcs``.
 
-        ``None`` if no body is led to turn by more than ``LEADS``.
+        After those of all bodies to the present state if it is ``solved``. ``None`` if no body is
+        led to turn by more than ``LEADS``.
         """
-        if not self.led.may_turn:
+        if not (solved or self.led.may_turn):
             return None
-        found = self._carried_to(self._prescribed_positions(), solved=False)
-        return found if _turns(found) else None
+        x1 = self._positions() if solved else self._prescribed_positions()
+        found = self.led.carried(self.accepted.x, x1, self._leading(), solved=solved)
+        leads = np.nan_to_num(norms(found.turn)).max(initial=0.0) > LEADS
+        return found if leads else None
 
     def led_motions(self) -> Carried:
         """The outlines' nodes after motions from where they are to prescribed values."""
@@ -331,15 +336,6 @@ class Crossings:
         values = self._bulk.values.copy()
         compat.set_prescribed(values, self._bulk.bcs)
         return self.outline.positions(values)
-
-    def carried_by_solution(self) -> Carried | None:
-        """As ``carried``, after the motions of all bodies to the present state."""
-        found = self._carried_to(self._positions(), solved=True)
-        return found if _turns(found) else None
-
-    def _carried_to(self, x1: Array, *, solved: bool) -> Carried:
-        """See ``carried``."""
-        return self.led.carried(self.accepted.x, x1, self._leading(), solved=solved)
 
     def _leading(self) -> dict[int, RigidPath]:
         """Motions of the rigid boundaries in this step, by the bodies that they lead."""
@@ -385,13 +381,17 @@ class Crossings:
         return self.led.messages(self.accepted.x, self._positions(), moved=moved, told=told)
 
 
-def _turns(carried: Carried) -> bool:
-    """Whether a body turns by more than ``LEADS``."""
-    return bool(np.nan_to_num(norms(carried.turn)).max(initial=0.0) > LEADS)
-
-
-# Bodies of a point and of the triangle above it, ascending.
+# Two bodies that overlap, ascending.
 Bodies = tuple[int, int]
+
+
+def _firsts(bodies: Indices, sizes: Array) -> dict[Bodies, int]:
+    """Number of the largest of ``sizes`` (k,) of each two ``bodies``, ascending (k, 2) (local)."""
+    pairs, found = bodies.tolist(), dict[Bodies, int]()
+    for k in np.argsort(-sizes, kind="stable").tolist():
+        found.setdefault(tuple(pairs[k]), k)
+    return found
+
 
 # A further remedy where nodes of the slave carry no force: the nodes of the other side may.
 _OTHER_ROLES = f"{TIP}, or exchange slave and master"
@@ -406,7 +406,7 @@ class SpaceCrossings(Crossings):
         """See ``Crossings``."""
         self._in_space = SpaceAdmitted(self.outline, self._contacts)
         self._found_at: tuple[Array, Overlaps] | None = None
-        self._excused = self._overlaps_as_meshed()
+        self._excused = self._as_meshed()
         self._through = SpacePassages(self.outline, self._names, self._excused)
         self._obstacles = SpaceObstacles(
             self.outline, self._contacts, self._slaves, self._names, self._in_space
@@ -453,19 +453,13 @@ class SpaceCrossings(Crossings):
         both = self.outline.bodies[nodes[:, 0]], self.outline.segment_bodies[triangles]
         return np.sort(np.stack(both, axis=1), axis=1)
 
-    def _firsts(self, overlaps: Overlaps, sizes: Array) -> dict[Bodies, int]:
-        """The overlap with the largest of ``sizes`` (k,) of each two bodies."""
-        bodies, found = self._bodies_of_overlaps(overlaps).tolist(), dict[Bodies, int]()
-        for k in np.argsort(-sizes, kind="stable").tolist():
-            found.setdefault((bodies[k][0], bodies[k][1]), k)
-        return found
-
     def _deepest_of(
         self, overlaps: Overlaps, facets: Array, limits: Array, across: Flags, kind: Kind
     ) -> Iterator[Crossing]:
         """The deepest of the overlaps of each two bodies, over their ``limits`` (k,)."""
         in_contact = self._in_space.are_in_contact(overlaps)
-        for bodies, k in self._firsts(overlaps, facets / limits).items():
+        pairs = _firsts(self._bodies_of_overlaps(overlaps), facets / limits)
+        for bodies, k in pairs.items():
             excused = 0.0 if in_contact[k] else self._excused.get(bodies, 0.0)
             depth = float(facets[k]) - excused
             if depth > 0.0:
@@ -480,19 +474,14 @@ class SpaceCrossings(Crossings):
                 told = hint + ACROSS * is_across, ALWAYS if is_across else remark_of(kind)
                 yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, *told)
 
-    def _overlaps_as_meshed(self) -> dict[Bodies, float]:
+    def _as_meshed(self) -> dict[Bodies, float]:
         """See ``Crossings``: overlap of bodies in the mesh [facets]."""
-        hull, found = self.outline, dict[Bodies, float]()
+        hull = self.outline
         overlaps = find_overlaps(hull, hull.X)
         self._refuse_double_cover(overlaps)
         overlaps = overlaps.select(~self._in_space.are_in_contact(overlaps))
         facets = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
-        for bodies, k in self._firsts(overlaps, facets).items():
-            if bodies[0] == bodies[1] or facets[k] <= HALF_FACET:
-                found[bodies] = float(facets[k])
-            elif bodies not in self._in_contact:
-                found[bodies] = np.inf
-        return found
+        return self._excuse(self._bodies_of_overlaps(overlaps), facets)
 
     def _refuse_double_cover(self, overlaps: Overlaps) -> None:
         """Refuse a body inside another one or itself, as ``bulk.bodies`` in the plane.

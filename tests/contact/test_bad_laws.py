@@ -122,6 +122,8 @@ def test_results_of_a_law_that_differ_on_one_rank_are_refused():
         (fm.Coulomb(0.3), "limit_by", "gap", "limit_by='gap': expected one of trial, pressure"),
         (fm.Tresca(1.0), "stress", -1.0, "stress=-1.0: expected zero or a positive number"),
         (fm.Tresca(1.0), "stress", np.inf, "stress=inf: expected zero or a positive number"),
+        (fm.Tresca(1.0), "stress", np.array([0.3]), "stress=.*: expected zero or a positive"),
+        (fm.Tresca(1.0), "stress", np.abs, "stress=.*: expected zero or a positive number"),
     ],
 )
 def test_invalid_parameter_set_later_is_refused(law, name, value, message):

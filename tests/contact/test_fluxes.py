@@ -61,6 +61,33 @@ def test_tangent_just_before_closing_is_that_of_open_contact(h):
     assert check.remainders["whole"].max() < 1e-6 and check.slopes["whole"] > 1.95
 
 
+def of_gas(p, g):
+    """Conductance without a value at the gap zero."""
+    apart = np.where(g > 0.0, g, 1.0)
+    return np.where(g > 0.0, 0.1 / apart, p + 1.0), 1.0 * (g <= 0.0), -0.1 * (g > 0.0) / apart**2
+
+
+def of_root(p, g):
+    """Conductance with an infinite slope at the gap zero."""
+    root = np.sqrt(np.where(g > 0.0, g, 1.0))
+    h = 2.0 * p + 0.1 / (1.0 + np.sqrt(g))
+    return h, 2.0 + 0.0 * p, -0.05 * (g > 0.0) / (1.0 + root) ** 2 / root
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("h", [of_gas, of_root])
+@pytest.mark.parametrize("overhang", [0.0, 0.3])
+def test_conductances_of_a_gap_may_be_singular_at_zero(overhang, h):
+    """Open nodes have gaps that positions resolve; nodes without a partner have none."""
+    scene = stacked(overhang=overhang)
+    roles = ("upper/bottom", "lower/top")[:: -1 if overhang else 1]
+    pair = fm.ContactPair(scene.data, *roles, fluxes=[fm.Conductance(1, h)])
+    problem = scene.problem([pair])
+    for top, hot in ((-0.02, 20.0), (1e-3, 20.0)):
+        scene.set(top=top, hot=hot)
+        assert problem.solve().num_iterations <= 8
+
+
 @pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("degrees", [(1, 1), (2, 1), (2, 2)])
@@ -547,7 +574,8 @@ def test_a_field_of_little_part_in_the_stress_converges(units):
 
 @pytest.mark.parametrize("E, conductivity", [(100.0, 5.0), (2e11, 1e-6)])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_temperatures_of_rounding_converge(algorithm, E, conductivity):
+@pytest.mark.parametrize("heating", ["friction", None])
+def test_temperatures_of_rounding_converge(heating, algorithm, E, conductivity):
     """Heat of friction at nodes that stick, and what remains of 300 K that are taken away."""
     grids = [Grid("lower", block(5, 3, width=2.0, height=1.0))]
     grids.append(Grid("upper", block(4, 3, width=1.0, height=1.0, corner=(0.4, 1.0))))
@@ -556,8 +584,8 @@ def test_temperatures_of_rounding_converge(algorithm, E, conductivity):
     scene.hold("top", "upper/top")
     scene.prescribe("cold", "lower/bottom", 1)
     scene.prescribe("hot", "upper/top", 1)
-    heat = fm.Conductance(1, 0.7 * conductivity, heating="friction")
-    law = fm.Coulomb(0.5)
+    heat = fm.Conductance(1, 0.7 * conductivity, heating=heating)
+    law = fm.Coulomb(0.5) if heating else None
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law, fluxes=[heat])
     problem = scene.problem([pair], algorithm=algorithm)
     steps = (

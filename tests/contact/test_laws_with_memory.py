@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from law_scenes import HEIGHT, E, block_on_plane
 from refusal import refused
-from scenes import internal, linear_elastic, pressed_blocks
+from scenes import internal, linear_elastic, pressed_blocks, read, rectangles
 from scipy.optimize import brentq
 
 import ufl
@@ -264,6 +264,35 @@ def test_bonds_break_in_one_step_just_above_their_limit(law, load):
         gap = brentq(lambda g: load - E / HEIGHT * g - np.exp(-g / REACH), REACH / 2, load)
         pull = 0.0 if isinstance(law, Cohesive) else np.exp(-gap / REACH)
     assert problem.contacts[0].pressure == pytest.approx(-pull, rel=1e-8, abs=1e-12)
+
+
+def test_an_attempt_that_begins_where_a_distance_is_not_finite_fails_as_a_solve():
+    """Bonds of the law would be solved for from the last iterate; a path cuts the step."""
+
+    def distance(x):
+        gradient = np.zeros_like(x)
+        gradient[:, 1] = 1.0
+        return np.where(x[:, 1] < -0.1, np.nan, x[:, 1]), gradient, np.zeros((len(x), 2, 2))
+
+    data = read(rectangles, size=0.25, block=(0.0, 0.02, 1.0, 0.52))
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.16))
+    tool = fm.SignedDistance(distance)
+    pair = fm.ContactPair(data, "block/bottom", tool, law=Cohesive(1.0, 0.002))
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair],
+        bcs=[fm.dirichlet(V, data, "block/top", push)], petsc_options_prefix="bonds_",
+    )  # fmt: skip
+    start = problem.state()
+    with pytest.raises(fm.NotConvergedError, match="not finite") as failed:
+        problem.solve()
+    assert failed.value.report.iterations
+    problem.restore(start)
+
+    def set_loads(time):
+        push.value[1] = -0.16 * time
+
+    assert fm.follow_path(problem, set_loads, fm.SteppingOptions(step=1.0)).steps[-1].time == 1.0
 
 
 @pytest.mark.parametrize("new", ["wear", "cohesive", "mixed cohesive", "field"])

@@ -47,7 +47,9 @@ def commands_of(workflow):
     for i, line in enumerate(lines):
         key = re.match(r"([ -]*)run: *(.*)", line)
         if key and key[2] == "|":
-            inside = itertools.takewhile(re.compile(" " + " " * len(key[1])).match, lines[i + 1 :])
+            inside = itertools.takewhile(
+                re.compile(" " + " " * len(key[1]) + "|$").match, lines[i + 1 :]
+            )
             yield textwrap.dedent("\n".join(inside))
         elif key:
             yield key[2].split(" #")[0]

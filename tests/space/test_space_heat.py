@@ -137,6 +137,18 @@ def test_prescribed_temperatures_of_the_slave_carry_no_multiplier():
     assert first.any() and not tied.fluxes[0].conducts[first].any()
 
 
+@pytest.mark.serial
+def test_bodies_just_apart_do_not_close_by_inexact_linear_solves():
+    """Flows of order 10 beside forces of 1e-6: nodes closed and opened in turn, for ever."""
+    scene = stacked_in_space(degrees=(2, 1), alpha=0.0, overhang=0.4)
+    problem = scene.problem(
+        [fm.ContactPair(scene.data, *ROLES[0], fluxes=[fm.Conductance(1, 2.0)])]
+    )
+    scene.set(top=down(-1e-8), hot=HOT)
+    assert problem.solve().num_iterations <= 4
+    assert not problem.contacts[0].active.any() and problem.contacts[0].fluxes[0].into_slave == 0.0
+
+
 # Conductances: closed forms
 
 

@@ -141,6 +141,27 @@ def test_two_nodes_of_a_radius_about_the_axis_are_too_few(tool, radius, count):
     assert problem.equations.contacts[0].active.sum() == count
 
 
+def test_a_symmetry_plane_across_the_axis_is_none():
+    """Half of a crowned disk in a rigid ring: two nodes, of three of the whole disk."""
+    block = mapped_grids.block(12, 12, width=10.0, height=6.0)
+    block[:, :, 0] *= 1.0 - block[:, :, 1] ** 2 / 1000.0
+    data = read(mapped_grids.build, grids=[Grid("disk", block)])
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, f"disk/{side}", 0.0, component=i)
+        for i, side in enumerate(["left", "bottom"])
+    ]
+    ring = fm.Plane((9.99, 0.0), (-1.0, 0.0))
+    problem = fm.ContactProblem(
+        revolved.internal(u, revolved.linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "disk/right", ring, sliding="small")], bcs=bcs,
+        geometry="axisymmetric", petsc_options_prefix="disk_",
+    )  # fmt: skip
+    assert remarks(problem, UNRESOLVED) == []
+    assert problem.equations.contacts[0].active.sum() == 2
+
+
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("counts", [(1, 1), (1, 2), (2, 1), (1, 6), (5, 4)])
 def test_flat_blocks_of_few_facets_have_no_remark(slave, counts):

@@ -280,7 +280,9 @@ def _on_curve(contact: Contact, facets: tuple[Array, Array], nodes: Indices) -> 
     if sharp[nodes].any() or _is_point_support(contact, nodes, own):
         return None
     copies = 2 if on_plane[nodes].any() else 1
-    in_circle = slave.thickness is not None and slave.thickness.by_x != 0.0
+    revolved = slave.thickness is not None and slave.thickness.by_x != 0.0
+    radial = np.abs(contact.plane_normals[nodes[on_plane[nodes]], 0])
+    in_circle = revolved and bool((radial < 0.5).any())  # on the axis the normal is along it
     count = (1 if in_circle else copies) * (int(contact.active[nodes].sum()) - 1) + 1
     width = copies * float(slave.nodal_lengths[nodes].sum())
     is_narrow = count < FEWEST_NODES or width < own
