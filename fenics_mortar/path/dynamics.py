@@ -480,9 +480,11 @@ class Dynamics:
             check_step(dt, self.time)
         with restored_if_interrupted(self.problem.equations):
             self._begin()
-            follows = self._errors.time == self.time
+            before = self._errors
+            if before.time != self.time:  # after other steps, whose errors it does not add
+                kinetic = 0.5 * self._largest_speed**2
+                before = EnergyErrors(kinetic=kinetic, deficit=self.energy_deficit)
             report, _, work = self._advance(dt, forces_of(self.problem))
-        before = self._errors if follows else EnergyErrors()
         totals = 0.5 * self._largest_speed**2, self.energy_deficit
         self._errors = before.after(work, *totals, size=dt, time=self.time)
         if self._errors.worst(self.scheme) > before.worst(self.scheme):

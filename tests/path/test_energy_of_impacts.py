@@ -107,6 +107,16 @@ def test_a_step_that_ends_above_the_energy_says_so_and_names_one_that_does_not()
 
 
 @pytest.mark.serial
+def test_a_step_is_not_blamed_for_errors_of_a_run_before():
+    motion, _ = between_planes(2, speed=0.1)
+    dt = 8.0 / 3.0 / C
+    record = motion.run(2.0 * dt, fm.SteppingOptions(step=dt))
+    assert "the time steps added" in record.remark()
+    notes = motion.step(0.01 * dt).notes
+    assert not any("of the largest kinetic energy" in note for note in notes)
+
+
+@pytest.mark.serial
 def test_pressures_return_energy_by_the_motion_they_change():
     """A body that touches a plane and does not deform: its normal velocity may change."""
     motion, _ = between_planes(1, speed=0.1)
