@@ -406,8 +406,8 @@ class ContactProblem:
             given = {"accept_violations": accept_violations, "may_cut": may_cut}
             solve = partial(self._solver.solve, remarks, **given)
             predict &= model_check is None and not self.equations.newton.tentative
-            report = self._continuation.begin(guess=predict)(solve)
-            self._continuation.accept()
+            with self._continuation.attempt(solve, guess=predict) as finish:
+                report = finish()
             if model_check is not None:
                 report.model_check = model_check.assess(self)
             return report

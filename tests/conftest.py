@@ -4,7 +4,6 @@
 import gc
 import os
 import sys
-from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,16 +24,13 @@ from rank_failures import RankFailures  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: one of this many cases of a test is run.
 ONE_OF = 20
-# Cases of a test function in the short run; 0, as in a plain pytest: all, with the long tests.
-# Tests marked once are left out of the short run if it has one case, and on several ranks.
+# Cases of a test function in the short run; 0, as in a plain pytest: all. In the short run tests
+# marked once are run in serial only.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
-# Whether long tests, and those marked once, are in the short run, too, in serial.
-LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
 # Number of cases on several ranks, where only the partition matters: the first and the last one.
 CASES_ON_RANKS = 2
-# Number of cases of a kernel test with one case of the others and without long tests, as in the
-# chroots: another release of numba compiles all kernels, and all cases run elsewhere.
-CASES_OF_KERNELS = 8
+# Folders of the longest tests.
+LONG = ("trial", "studies", "verification", "repository", "rigid")
 # One half of all kernels each: two processes compile them, others load them from the cache.
 COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 FAILURES = RankFailures(MPI.COMM_WORLD)
@@ -51,7 +47,7 @@ def pytest_configure(config):
 def pytest_collection_modifyitems(items):
     """Deselect tests for another number of ranks, and those not in the short run.
 
-    Kernels and files with slow tests come first.
+    Kernels and folders of long tests come first.
 
     Each kernel is compiled once, before many processes need it. The longest files must not be the
     last, since a core runs one file at a time. Kernels do not depend on ranks.
@@ -63,15 +59,12 @@ def pytest_collection_modifyitems(items):
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
     alone = MPI.COMM_WORLD.size == 1
     without = {"ranks" if alone else "serial"}
-    if CASES and not (alone and LONG):
-        without.add("long")
-    if CASES and not (alone and (LONG or CASES > 1)):
+    if CASES and not alone:
         without.add("once")
     items[:] = [item for item in items if without.isdisjoint(marks(item))]
     functions = enumerate(by_function(items))
     items[:] = [item for number, cases in functions for item in some(cases, number)]
-    slow = Counter(item.path for item in items if "slow" in marks(item))
-    items.sort(key=lambda item: -slow[item.path])
+    items.sort(key=lambda item: folder(item) not in LONG)
     items.sort(key=lambda item: (item.path.stem not in COMPILING, not of_kernels(item)))
 
 
@@ -103,8 +96,6 @@ def count_of(cases):
     demo, and of tests for several ranks only.
     """
     first = cases[0]
-    if of_kernels(first) and CASES == 1 and not LONG:
-        return CASES_OF_KERNELS
     if "ranks" in marks(first) or folder(first) in ("kernels", "repository"):
         return 0
     each = "each" in marks(first)

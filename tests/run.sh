@@ -6,11 +6,10 @@
 #     bash tests/run.sh                in serial, on 2 or 3 ranks, few cells on 3, kernels without JIT
 #     bash tests/run.sh -k patch       in serial only, with arguments for pytest
 #
-# FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all, and
-#                         tests marked long, which see on long paths or fine meshes what others see
-# FENICS_MORTAR_LONG      1: those marked long in serial, whatever the number of cases
+# FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all
 # FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 few kernels" if not set; "five": few cells on 5
-# FENICS_MORTAR_WITHOUT   what is left out in serial, named as pytest does: "tests/io tests/la/test_a.py::test_b"
+# FENICS_MORTAR_WITHOUT   what is left out in serial, named as pytest does, "tests/io tests/la/test_a.py::test_b",
+#                         or by a marker, "once"
 # FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
 #                         hanging (1200); how long the run takes does not matter, as on a slow machine
 
@@ -85,17 +84,18 @@ run_ranks() { # TITLE N ARGUMENTS...: pytest on N ranks; rank 0 prints, the othe
     fi
 }
 
+for name in ${FENICS_MORTAR_WITHOUT:-}; do
+    case "$name" in
+        *::*) without+=("--deselect=$name") ;;
+        tests/*) without+=("--ignore=$name") ;;
+        *) without+=(-m "not $name") ;;
+    esac
+done
 if [ $# -gt 0 ]; then
-    run "tests in serial: $*" "${pytest[@]}" "$@" || true
+    run "tests in serial: $*" "${pytest[@]}" "${without[@]}" "$@" || true
 else
     export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
-    parallel=(-m "not serial and not demo")
-    for name in ${FENICS_MORTAR_WITHOUT:-}; do
-        case "$name" in
-            *::*) without+=("--deselect=$name") ;;
-            *) without+=("--ignore=$name") ;;
-        esac
-    done
+    parallel=(-m "not serial")
     for name in ${FENICS_MORTAR_RUNS:-serial 2 3 few kernels}; do
         case "$name" in
             serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 "${without[@]}" || true ;;

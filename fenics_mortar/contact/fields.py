@@ -626,8 +626,9 @@ class SpaceFields(ContactFields):
             np.where(as_law, by_tau * e_z + by_u * e_s, rho), by_gap, by_n,
             ((by_tau, e), (turn, t)), ((by_u, e), (turn * weight, t)),
         )  # fmt: skip
-        most = 1.0 if self.operators.linearization.exact else MAX_RATIO
-        ratio = np.clip((e_z - rho) * per_size, 0.0, most)
+        ratio = (e_z - rho) * per_size
+        if not self.operators.linearization.exact:
+            ratio = np.clip(ratio, 0.0, MAX_RATIO)
         isotropic = (as_law | (size == 0.0)) & ~self.interface.is_guided
         of_z = np.where(isotropic, by_tau, 1.0 - ratio)
         of_s = np.where(isotropic, by_u, -ratio * weight)

@@ -55,7 +55,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, diags, eye, hstack
+from scipy.sparse import csr_array, diags, eye, hstack
 
 from dolfinx import fem
 
@@ -407,7 +407,7 @@ class Flux:
             prescribed = np.zeros(law.field.x.array.size, bool)
         self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
         self.to_force = 1.0
-        self._spreads = _spreads(contact, self.traces[0], prescribed)
+        self._spreads = self.traces[0].spreads(prescribed, at_vertices=contact.at_vertices)
         self.cells = np.full(contact.slave.num_nodes, np.inf)
         self._stiffest = STIFFEST
         self._kept: tuple[Any, Any, FluxValues] | None = None
@@ -760,36 +760,3 @@ class Flux:
             matrix @ interpolation
             for matrix, interpolation in zip(now.o.matrices, self._interpolations, strict=False)
         ]
-
-
-def _spreads(contact: Any, trace: Trace, prescribed: Flags) -> tuple[csr_array, csr_array]:
-    """The matrices A of a field, and of one that is conducted perfectly (collective).
-
-    Args:
-        contact: The contact.
-        trace: The field on its slave.
-        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
-    """
-    slave, count = contact.slave, contact.slave.num_nodes
-    at_carriers = csr_array(eye(count))
-    if trace.dofs.shape[1] > 1:
-        inner, corners, weights = slave.between_corners
-        first = np.unique(inner, return_index=True)[1]
-        rows = np.repeat(inner[first], corners.shape[1])
-        values = np.broadcast_to(weights[first], corners[first].shape).ravel()
-        linear = coo_array((values, (rows, corners[first].ravel())), shape=(count, count))
-        at_carriers = csr_array(diags((~slave.inner).astype(float)) + linear)
-    at_corners = contact.at_vertices or trace.dofs.shape[1] > 1
-    facets = slave.corners if at_corners else slave.facets
-    of_facets = np.repeat(np.arange(len(facets)), facets.shape[1]), facets.ravel()
-    beside = coo_array((np.ones(facets.size), of_facets), shape=(len(facets), count)).tocsr()
-    free = trace.gather(prescribed.astype(float)) < 1.0
-    others = (beside.T @ beside) @ diags(free.astype(float))
-    sums = others.sum(axis=1)
-    kept = free | (sums == 0.0)
-    shares = np.where(kept, 0.0, 1.0 / np.where(sums > 0.0, sums, 1.0))
-    handed = diags(kept.astype(float)) + diags(shares) @ others
-    both = at_carriers, csr_array(at_carriers @ handed)
-    for spread in both:
-        spread.eliminate_zeros()  # times inf
-    return both

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from fenics_mortar.equations.residual import Residual
     from fenics_mortar.rigid.driven import DrivenMotions
     from fenics_mortar.rigid.floating import FloatingBodies
+    from fenics_mortar.rigid.proximal import Carried
     from fenics_mortar.utils.arrays import Array, Indices
 
 # Active set and branches of each pair in one iteration.
@@ -177,18 +178,18 @@ class Remedies:
         return message
 
 
-def _reason(carried: Iterable[tuple[str, float, bool]]) -> str:
-    """Why springs carry forces: names, fractions of the contact force, whether all nodes slide."""
-    sliding = [name for name, fraction, slides in carried if slides and fraction > RIGID.slight]
+def _reason(carried: Iterable[Carried]) -> str:
+    """Why springs carry forces."""
+    sliding = [each.name for each in carried if each.slides and each.fraction > RIGID.slight]
     if sliding:
         return (
             f"all nodes with friction of {', '.join(sliding)} slide at their friction limit, which "
             "the loads exceed; reduce these, or prescribe the motion"
         )
     return (
-        "the resistance of contact to the motion is below the force from the corners of the "
-        "facets, which act along normals of the slave; prescribe the motion, refine, or take the "
-        "smoother side of a pair as slave"
+        "this may be no equilibrium: either loads drive the motion slightly, or the corners of the "
+        "facets do, along whose averaged normals forces act; add a support, prescribe the motion, "
+        "refine, or take the smoother side of a pair as slave"
     )
 
 
@@ -209,14 +210,14 @@ class CombinedSprings:
     _stiffness: float
     _forces: Callable[[], tuple[Array, Array, Array]]
 
-    def anchor(self, elongation: float) -> None:
+    def anchor(self, elongation: float, err: float = RIGID.normals_err) -> None:
         """Anchor floating bodies and driven obstacles at their present positions.
 
         The forces that drive a body now, or a small fraction of all forces on it, would elongate
         its springs by ``elongation`` shortest facets.
         """
         bulk, contact, _ = self._forces()
-        self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation)
+        self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation, err)
         self._obstacles.anchor(elongation, self._stiffness)
 
     def remove_springs(self) -> None:
@@ -227,28 +228,25 @@ class CombinedSprings:
         """Largest rigid motion since ``anchor`` [shortest facets]."""
         return max(self._floating.max_motion(), self._obstacles.max_motion())
 
-    def fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of each body on springs."""
-        return self._floating.spring_fractions() + self._obstacles.spring_fractions()
-
-    def largest(self) -> float:
-        """Largest force of springs over contact force [1]; zero without springs."""
-        return max((fraction for _, fraction, _ in self.fractions()), default=0.0)
-
     def remaining(self) -> Remaining:
         """Forces of the springs over contact forces."""
-        carried = self.fractions()
+        carried = self._floating.carried_by_springs() + self._obstacles.carried_by_springs()
         energy = self._floating.spring_energy() + self._obstacles.spring_energy()
-        each = [
-            f"{fraction:.1e} of the contact force on {name}"
-            if np.isfinite(fraction)
-            else f"all forces on {name}, which no contact force acts on"
-            for name, fraction, _ in carried
+        messages = [
+            (
+                f"{fraction:.1e} of the contact force on {name}"
+                if np.isfinite(fraction)
+                else f"all forces on {name}, which no contact force acts on"
+            )
+            + f", without which it would {how}" * (how != "")
+            for name, fraction, _, how in carried
+            if fraction > RIGID.slight
         ]
         return Remaining(
-            self.largest(),
-            max((fraction for _, fraction, slides in carried if slides), default=0.0),
-            f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: {_reason(carried)}",
+            max((each.fraction for each in carried), default=0.0),
+            max((each.fraction for each in carried if each.slides), default=0.0),
+            f"springs carry {', '.join(messages)}, with an energy of {energy:.3e}: "
+            f"{_reason(carried)}",
         )
 
 

@@ -51,8 +51,10 @@ rank does not find there are sent to the others.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from mpi4py import MPI
@@ -376,21 +378,22 @@ class Predictor:
     def _point(self, time: float) -> Point:
         return Point(time, self._problem.state(), self._frame.contact_centres())
 
-    def solve(
+    @contextmanager
+    def attempt(
         self, time: float, solve: Callable[[], NewtonReport], *, guesses: bool = True
-    ) -> NewtonReport:
-        """Solve for a time from a guess or from the last state; accept the result (collective).
+    ) -> Iterator[Callable[[], NewtonReport]]:
+        """Context of a solve for a time, from a guess or from the last state (collective).
+
+        The context solves from a guess, if there is one, and accepts the state at its end.
 
         Args:
             time: Time of the present loads and prescribed values.
             solve: Function that solves from the present state.
             guesses: Whether a guess is used.
 
-        Returns:
-            The record, including iterations from an abandoned guess.
-
-        Raises:
-            NotConvergedError: On all ranks, if the solve from the last state fails, too.
+        Yields:
+            Function to be called once: it returns the record, including iterations from an
+            abandoned guess, after which it solves from the last state.
         """
         here = self._problem.state()
         kind = self._go_to_guess(time, here) if guesses else None
@@ -399,13 +402,12 @@ class Predictor:
                 other.left, other.residual = max(other.left - 1, 0), 0.0
         self._used = kind or self._used
         try:
-            report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
+            yield solve if kind is None else self._solve_from_guess(kind, here, solve)
         finally:
             self._problem.evaluated = None
         if not guesses:
             self._path = deque([self._path[-1]], self._path.maxlen)
         self._path.append(self._point(time))
-        return report
 
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
         """Set the guess with the smallest residual, if smaller than at the present state.
@@ -478,24 +480,25 @@ class Predictor:
 
     def _solve_from_guess(
         self, kind: _Kind, here: State, solve: Callable[[], NewtonReport]
-    ) -> NewtonReport:
-        """Solve; if convergence is poor, restart from ``here``."""
+    ) -> Callable[[], NewtonReport]:
+        """Solve; if convergence is poor, return to ``here``; what is left, see ``attempt``."""
         options = self._problem.newton
         few = min(EQUATIONS.max_guess_iterations, options.max_iterations)
         cautious = replace(options, tentative=True, max_remaining=kind.max_left, max_iterations=few)
         try:
             self._problem.newton = cautious
             report = solve()
-            kind.pause = 0
-            return report
         except NotConvergedError as error:
-            lost = error.report
-            lost.notes.append(f"extrapolated initial guess abandoned: {error}")
+            error.report.notes.append(f"extrapolated initial guess abandoned: {error}")
+            abandoned = error.report
+        else:
+            kind.pause = 0
+            return lambda: report
         finally:
             self._problem.newton = options
         kind.failed()
         self._problem.restore(here)
-        return then_solve(lost, solve)
+        return partial(then_solve, abandoned, solve)
 
 
 # Rotation of prescribed nodes [radian], 6 degrees, below which bodies do not follow them: Newton's

@@ -19,10 +19,10 @@ state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from operator import call
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -51,6 +51,7 @@ from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodie
 if TYPE_CHECKING:
     from fenics_mortar.contact.arcs import Carried
     from fenics_mortar.equations.general import ContactEquations
+    from fenics_mortar.equations.reduced import ReducedEquations
     from fenics_mortar.la.system import LinearSystem
 
 
@@ -136,8 +137,9 @@ class Solver:
         unbalanced, inside = e.motions.residual(), e.crossings.nodes_inside()
         certificate = certify(e.contacts, e.floating, unbalanced, inside)
         tipping = tipping_bodies(e.floating, certificate.pairs, self._loads_of_motions())
-        springs, crossings = e.springs.largest(), e.crossings.find()
-        found = {"springs": springs, "crossings": crossings, "tipping": tipping, **of_step}
+        springs, crossings = e.springs.remaining(), e.crossings.find()
+        carried = {"springs": springs.fraction, "held": springs.message}
+        found = {**carried, "crossings": crossings, "tipping": tipping, **of_step}
         return agreed(e.comm, replace(certificate, **found))
 
     def _loads_of_motions(self) -> Array:
@@ -293,7 +295,12 @@ class Solver:
         return report
 
     def _solve(self, *, follows: bool = True) -> NewtonReport:
-        """Solve on the contact dofs if the bulk is linear, else on all dofs.
+        """Solve on the contact dofs if the bulk is linear, else on all dofs, from several starts.
+
+        Where prescribed values turn bodies, and others with them, the first start is after these
+        turns: from far away Newton's method may end on the other side of an obstacle. Where they
+        would turn into others, or through them, this is the last start: Newton's method would stay
+        there.
 
         Args:
             follows: Whether bodies may turn with others first, see ``with_followers``.
@@ -301,49 +308,15 @@ class Solver:
         e = self._equations
         reduced, remarks = self.linear_bulk.choose()
         if reduced is not None:
-            start = e.state()
-            try:
-                report = solve(reduced, e.newton)
-                reduced.finish()
-                if self._is_sound(report):
-                    report.solver = self.linear_bulk.choice
-                    report.notes[:0] = filter(None, remarks)
-                    return report
-            except NotConvergedError:
-                if e.newton.tentative:
-                    raise
-            e.restore(start)
+            report = self._solve_reduced(reduced)
+            if report is not None:
+                report.solver = self.linear_bulk.choice
+                report.notes[:0] = filter(None, remarks)
+                return report
             remarks = [
                 "the reduced iteration on the contact dofs failed: this step was solved on all dofs"
             ]
         e.system.solver.count_anew()
-        report = self._solve_on_all_dofs(follows=follows)
-        self.linear_bulk.count(report.num_iterations)
-        why = [e.system.describe_solver(), self.linear_bulk.choice if reduced is None else ""]
-        report.solver = "; ".join(filter(None, why))
-        report.notes[:0] = remarks
-        return report
-
-    def _is_sound(self, report: NewtonReport) -> bool:
-        """Whether the present state solves all equations and inverts no cell (collective)."""
-        e = self._equations
-        status = e.evaluate(start=False)
-        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.roundoff
-        return status.residual <= allowed and not e.bulk.inverted_cells()[0]
-
-    def _solve_on_all_dofs(self, *, follows: bool = True) -> NewtonReport:
-        """Newton's method; if it fails, from bodies that turn, then with damped steps or springs.
-
-        In a large step that closes contact with friction, nodes stick or slide along slips that are
-        far from the solution's, and full steps may never settle: of 128 such steps with thermal
-        expansion 19 failed, all with and none without friction; a line search solves 17 of them.
-        Users' laws may be steep or not monotonic, and full steps oscillate about a kink: what
-        converged last is tried first. Bodies that float have the proximal point method instead.
-        Where prescribed values turn bodies, and others with them, the start is after these turns:
-        from far away Newton's method may end on the other side of an obstacle. Where they would
-        turn into others, or through them, this is the last start: Newton's method would stay there.
-        """
-        e = self._equations
         start, may_turn = e.state(), not e.newton.tentative and e.bulk.inertia is None
         turns = turns_of_prescribed(e) if may_turn else {}
         followed = with_followers(e, turns) if may_turn and follows else turns
@@ -360,7 +333,8 @@ class Solver:
                     turn(e, motions, followed=motions is not turns)
                 if len(motions) > len(turns):  # values tell no turns of others
                     self._lead(e.crossings.carried(solved=True))
-                return newton()
+                report = newton()
+                break
             except NotConvergedError as error:
                 if e.newton.tentative:
                     raise
@@ -369,6 +343,46 @@ class Solver:
                 e.restore(start)
                 failed.report.notes.append(f"{failed}: other bodies turn first, or none")
                 newton = partial(then_solve, failed.report, self._newton())
+        else:
+            report = self._solve_anew(start, failed)
+        self.linear_bulk.count(report.num_iterations)
+        why = [e.system.describe_solver(), self.linear_bulk.choice if reduced is None else ""]
+        report.solver = "; ".join(filter(None, why))
+        report.notes[:0] = remarks
+        return report
+
+    def _solve_reduced(self, reduced: ReducedEquations) -> NewtonReport | None:
+        """Solve on the contact dofs; the start again and ``None`` if that is no solution."""
+        e = self._equations
+        start = e.state()
+        try:
+            report = solve(reduced, e.newton)
+            reduced.finish()
+            if self._is_sound(report):
+                return report
+        except NotConvergedError:
+            if e.newton.tentative:
+                raise
+        e.restore(start)
+        return None
+
+    def _is_sound(self, report: NewtonReport) -> bool:
+        """Whether the present state solves all equations and inverts no cell (collective)."""
+        e = self._equations
+        status = e.evaluate(start=False)
+        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.roundoff
+        return status.residual <= allowed and not e.bulk.inverted_cells()[0]
+
+    def _solve_anew(self, start: Any, failed: NotConvergedError) -> NewtonReport:
+        """Solve on all dofs with damped steps or springs after Newton's method failed.
+
+        In a large step that closes contact with friction, nodes stick or slide along slips that are
+        far from the solution's, and full steps may never settle: of 128 such steps with thermal
+        expansion 19 failed, all with and none without friction; a line search solves 17 of them.
+        Users' laws may be steep or not monotonic, and full steps oscillate about a kink: what
+        converged last is tried first. Bodies that float have the proximal point method instead.
+        """
+        e = self._equations
         floats = bool(e.floating.bodies) or e.motions.driven_obstacles.any()
         softens = bool(self._softening()) and not (floats and e.remedies.drifts())
         if self._has_own_law or softens or not floats:
@@ -540,41 +554,41 @@ class Continuation:
         self._equations = equations
         self._predictor: Predictor | None = None
         self._past: list[Loads] = []
-        self._next: tuple[Loads, float] | None = None
         self._step = 1.0
 
-    def begin(self, *, guess: bool) -> Callable[[Callable[[], NewtonReport]], NewtonReport]:
-        """How to solve: from a guess if loads continue, else from the present state (collective).
+    @contextmanager
+    def attempt(
+        self, solve: Callable[[], NewtonReport], *, guess: bool
+    ) -> Iterator[Callable[[], NewtonReport]]:
+        """Context of a solve, from a guess if loads continue, else from the present state.
+
+        The state at its end is accepted. Collective.
 
         Args:
+            solve: Function that solves from the present state.
             guess: Whether to guess; never for bodies in motion, which have forces beyond the forms.
 
-        Returns:
-            Function of one that solves from the present state; see ``Predictor.solve``.
+        Yields:
+            Function that returns the record, see ``Predictor.attempt``.
         """
-        self._next = None
-        is_last = bool(self._past) and guess and self._equations.bulk.inertia is None
-        if not (is_last and self._is_last_state()):
+        guess &= self._equations.bulk.inertia is None
+        if not (self._past and guess and self._is_last_state()):
             self._past = []
-        if not guess or self._equations.bulk.inertia is not None:
-            return call
+        if not guess:
+            yield solve
+            return
         loads = loads_of(self._equations)
         ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
-        self._next = loads, self._step * ratio if ratio else 1.0
+        step = self._step * ratio if ratio else 1.0
         if self._predictor is None or not self._past:
-            return call
-        time = self._predictor.time + self._next[1]
-        return partial(self._predictor.solve, time, guesses=ratio > 0.0)
-
-    def accept(self) -> None:
-        """Continue from the present state, the result of a solve (local)."""
-        if self._next is None:
-            return
-        loads, self._step = self._next
-        if not self._past:
+            yield solve
             self._predictor = self._predictor or Predictor(self._equations, 0.0)
             self._predictor.begin(0.0)
-        self._past = [*self._past[-1:], loads]
+        else:
+            time = self._predictor.time + step
+            with self._predictor.attempt(time, solve, guesses=ratio > 0.0) as finish:
+                yield finish
+        self._past, self._step = [*self._past[-1:], loads], step
 
     def _is_last_state(self) -> bool:
         """Whether the present state is the result of the last solve (collective)."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, diags, eye
 
 import basix
 import ufl
@@ -102,6 +102,38 @@ class Trace:
         column = np.searchsorted(dofs, self.dofs[node, part])
         shape = len(self.dofs), dofs.size
         return coo_array((self.weights[node, part], (node, column)), shape=shape).tocsr()
+
+    def spreads(self, prescribed: Flags, *, at_vertices: bool) -> tuple[csr_array, csr_array]:
+        """The matrices A of a flux, and of one that is conducted perfectly (collective).
+
+        See ``contact.fluxes``; shape (n, n) [1] each.
+
+        Args:
+            prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+            at_vertices: Whether multipliers are at vertices alone.
+        """
+        slave, count, linear = self.surface, self.surface.num_nodes, self.dofs.shape[1] > 1
+        at_carriers = csr_array(eye(count))
+        if linear:
+            inner, corners, weights = slave.between_corners
+            first = np.unique(inner, return_index=True)[1]
+            rows = np.repeat(inner[first], corners.shape[1])
+            values = np.broadcast_to(weights[first], corners[first].shape).ravel()
+            between = coo_array((values, (rows, corners[first].ravel())), shape=(count, count))
+            at_carriers = csr_array(diags((~slave.inner).astype(float)) + between)
+        facets = slave.corners if at_vertices or linear else slave.facets
+        of_facets = np.repeat(np.arange(len(facets)), facets.shape[1]), facets.ravel()
+        beside = coo_array((np.ones(facets.size), of_facets), shape=(len(facets), count)).tocsr()
+        free = self.gather(prescribed.astype(float)) < 1.0
+        others = (beside.T @ beside) @ diags(free.astype(float))
+        sums = others.sum(axis=1)
+        kept = free | (sums == 0.0)
+        shares = np.where(kept, 0.0, 1.0 / np.where(sums > 0.0, sums, 1.0))
+        handed = diags(kept.astype(float)) + diags(shares) @ others
+        both = at_carriers, csr_array(at_carriers @ handed)
+        for spread in both:
+            spread.eliminate_zeros()  # times inf
+        return both
 
 
 def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:

@@ -29,7 +29,7 @@ Masters of each facet on a surface in contact with itself.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_row
+from fenics_mortar.kernels.blocks import copy_row, grown
 from fenics_mortar.kernels.projection import interpolate, tabulate_shapes
 from fenics_mortar.utils.arrays import HALF_FACET
 
@@ -42,16 +42,16 @@ ALMOST_CLOSED = 0.1
 
 
 @kernel
-def find_ray_crossings(origin, direction, outline, own, min_distance, found):
-    """Fill ``found`` (2, c) with the crossings of a line and the outline of body ``own``.
+def crossings(origin, direction, outline, own, min_distance):
+    """Crossings of a line and the outline of body ``own``, shape (2, c).
 
     Row 0 contains distances above ``min_distance`` [length], row 1 the signs: 1 exit, -1 entry.
     ``outline`` = (positions of nodes (b, 2), segments (p, 2) with the body on their left, their
-    bodies (p,)). Returns the number of crossings, which may exceed c: only the first c are stored.
+    bodies (p,)).
     """
     x, branches, body = outline
     ux, uy = direction[0], direction[1]
-    count = 0
+    found, count = np.empty((32, 2)), 0
     for i in range(branches.shape[0]):
         if body[i] != own:
             continue
@@ -64,11 +64,10 @@ def find_ray_crossings(origin, direction, outline, own, min_distance, found):
         fraction = side_a / (side_a - side_b)
         r = ux * (ax + fraction * (bx - ax)) + uy * (ay + fraction * (by - ay))
         if r > min_distance:
-            if count < found.shape[1]:
-                found[0, count] = r
-                found[1, count] = 1.0 if side_b > side_a else -1.0
+            found = grown(found, count, count + 1)
+            found[count, 0], found[count, 1] = r, 1.0 if side_b > side_a else -1.0
             count += 1
-    return count
+    return found[:count].T
 
 
 @kernel
@@ -99,17 +98,6 @@ def covers_point(found, last):
         if found[1, i] > 0.0 and found[0, i] <= last:
             exits += 1
     return exits < covers
-
-
-@kernel
-def crossings(origin, direction, outline, own, min_distance):
-    """All crossings as rows of ``find_ray_crossings``, shape (2, c)."""
-    found = np.empty((2, 32))
-    count = find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    if count > found.shape[1]:
-        found = np.empty((2, count))
-        find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    return found[:, :count]
 
 
 @kernel
@@ -180,7 +168,7 @@ def tabulate_lengths(x, n, facets, bodies, outline, min_fraction, lengths):
         n: Their normals, shape (n, 2).
         facets: Nodes of the facets, shape (f, K).
         bodies: Bodies of the facets, shape (f,).
-        outline: As in ``find_ray_crossings``.
+        outline: As in ``crossings``.
         min_fraction: Shortest length that counts, over the length of the facet [1].
         lengths: Shape (f,) [length]; filled.
     """

@@ -501,12 +501,11 @@ def follow_path(
                 step = stop - time
             accepted = predictor.last
             try:
-                with turns.of_step(time, time + step):
-                    report = predictor.solve(
-                        time + step,
-                        partial(_solve_soundly, problem, accepted, step > options.smallest),
-                        guesses=options.predict,
-                    )
+                may_cut = step > options.smallest
+                solve = partial(_solve_soundly, problem, accepted, may_cut)
+                attempt = predictor.attempt(time + step, solve, guesses=options.predict)
+                with turns.of_step(time, time + step), attempt as finish:
+                    report = finish()
             except NotConvergedError as failure:
                 path.failures.append(failure.report)
                 problem.restore(accepted)

@@ -49,6 +49,7 @@ from fenics_mortar.obstacles.rigid_motion import (
 from fenics_mortar.rigid.complementarity import closest_move
 from fenics_mortar.rigid.proximal import (
     RIGID,
+    Carried,
     Springs,
     anchored_stiffness,
     over_contact,
@@ -495,17 +496,19 @@ class DrivenMotions(RigidMotions):
         moves = np.linalg.norm(strain[: len(self.obstacles)], axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
-    def spring_fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of anchored obstacles."""
+    def carried_by_springs(self) -> list[Carried]:
+        """Forces of the springs on each anchored obstacle."""
         if self.springs is None:
             return []
-        forces = np.linalg.norm(self._spring_forces()[: len(self.obstacles)], axis=1)
-        fractions = list(map(over_contact, forces, self.contact_forces()))
+        forces = self._spring_forces()[: len(self.obstacles)]
+        sizes = np.linalg.norm(forces, axis=1)
+        fractions = list(map(over_contact, sizes, self.contact_forces()))
         return [
-            (
+            Carried(
                 f"obstacle '{self.obstacles[i].name}'",
                 float(fractions[i]),
                 slides([(c, c.active) for c in self.contacts_of(i)]),
+                describe_motion(forces[i]) if sizes[i] > 0.0 else "",
             )
             for i in np.flatnonzero(self.driven_obstacles.any(axis=1))
         ]

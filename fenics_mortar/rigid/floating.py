@@ -41,6 +41,7 @@ from fenics_mortar.rigid.body_motions import (
 from fenics_mortar.rigid.complementarity import closest_move, nearest_below
 from fenics_mortar.rigid.proximal import (
     RIGID,
+    Carried,
     Springs,
     anchored_stiffness,
     over_contact,
@@ -512,18 +513,19 @@ class FloatingBodies(BodyMotions):
 
     # Anchored springs, see ``proximal``
 
-    def anchor(self, total: Array, elongation: float) -> None:
+    def anchor(self, total: Array, elongation: float, err: float) -> None:
         """Anchor the bodies at their present positions by springs.
 
         Args:
             total: Sum of all forces, shape (owned dofs,) [stress length].
             elongation: Elongation of the springs under the resultant on the body, or under the
-                discretization error of its contact forces if larger [shortest facets].
+                fraction ``err`` of its contact forces if larger [shortest facets].
+            err: See ``elongation`` [1].
         """
         bodies, length = self.bodies, elongation * self.shortest_facet()
         stiffness = anchored_stiffness(
             np.array([np.linalg.norm(self.resultant(body, total)) for body in bodies]),
-            np.array([RIGID.normals_err * self.contact_force(body) for body in bodies]),
+            np.array([err * self.contact_force(body) for body in bodies]),
             length,
             np.array([body.stiffest for body in bodies]),
         )
@@ -550,25 +552,27 @@ class FloatingBodies(BodyMotions):
         if springs is not None:
             self.bulk.r.array[: self.bulk.num_owned] += springs.forces(self._place())
 
-    def spring_fractions(self) -> list[tuple[str, float, bool]]:
-        """For each anchored body: name, force of springs over contact force, whether it slides."""
+    def carried_by_springs(self) -> list[Carried]:
+        """Forces of the springs on each anchored body."""
         springs = self.acting_springs
         if springs is None:
             return []
         forces = springs.forces(self._place())
         contact = [self.contact_force(body) for body in self.bodies]
-        carried = [float(np.linalg.norm(self.resultant(body, forces))) for body in self.bodies]
-        rounding = [self.rounding(body, sum(contact)) for body in self.bodies]
-        return [
-            (
-                self.name_of(body.label),
-                over_contact(by_springs if by_springs > least else 0.0, force),
-                slides([(c, self.at_body(c, body)) for c in self.contacts]),
+        found = []
+        for body, on_body in zip(self.bodies, contact, strict=True):
+            by_springs = -self.resultant(body, forces)  # along the motion
+            size = float(np.linalg.norm(by_springs))
+            acts = size > self.rounding(body, sum(contact))
+            found.append(
+                Carried(
+                    self.name_of(body.label),
+                    over_contact(size if acts else 0.0, on_body),
+                    slides([(c, self.at_body(c, body)) for c in self.contacts]),
+                    body.describe(by_springs, directed=True) if acts else "",
+                )
             )
-            for body, by_springs, force, least in zip(
-                self.bodies, carried, contact, rounding, strict=True
-            )
-        ]
+        return found
 
     def pressed_on_springs(self) -> set[int]:
         """Labels of bodies that contact presses against their anchored springs, and nothing else.
@@ -577,11 +581,10 @@ class FloatingBodies(BodyMotions):
         """
         if not self.anchored:
             return set()
-        fractions = [fraction for _, fraction, _ in self.spring_fractions()]
         return {
             body.label
-            for body, fraction in zip(self.bodies, fractions, strict=True)
-            if RIGID.one_sided < fraction < np.inf
+            for body, carried in zip(self.bodies, self.carried_by_springs(), strict=True)
+            if RIGID.one_sided < carried.fraction < np.inf
         }
 
     def spring_energy(self) -> float:

@@ -9,8 +9,10 @@ potential, and the method converges to a minimum. The last solve is without spri
 
 Contact forces on facets are not exactly conservative, since they act along averaged normals. The
 error may drive a rolling disk, which then has no equilibrium nearby. In this case weak springs
-remain, and the report states their force. Springs may not remain on a body whose nodes with
-friction all slide, since they would stop a steady slide.
+remain, and a remark of the certificate states their force. A slight slope drives a body as well:
+springs become weaker as long as they carry a negligible force, so that it moves on to its
+equilibrium. Springs may not remain on a body whose nodes with friction all slide, since they would
+stop a steady slide.
 
 Springs on bodies and obstacles: anchored springs of ``proximal``, and tangent springs.
 
@@ -60,7 +62,8 @@ class RigidOptions:
             are subject to such an error of the slave's facets.
         slight: Resultants below this fraction of the forces are small compared with the error of
             contact forces along averaged normals, and with ``negligible`` [1]. Springs may not
-            carry more on a body that slides at its friction limit, since they alone would stop it.
+            carry more on a body that slides at its friction limit, since they alone would stop it;
+            on others a larger force has a remark.
         normals_err: Error of contact forces along averaged normals of two meshes [1].
         overlap: Overlap of nodes over their length at the end of motions before a solve [1], so
             that the nodes are active. Bodies that move by less are considered at rest, also with
@@ -116,6 +119,22 @@ class RigidOptions:
 
 
 RIGID = RigidOptions()
+
+
+class Carried(NamedTuple):
+    """Force of anchored springs on a body or obstacle.
+
+    Attributes:
+        name: Of the body or obstacle.
+        fraction: Force of springs over the contact force on it [1].
+        slides: Whether all its nodes with friction slide.
+        how: The motion by which it stretches the springs; "" without a force.
+    """
+
+    name: str
+    fraction: float
+    slides: bool
+    how: str
 
 
 class Remaining(NamedTuple):
@@ -209,7 +228,6 @@ def solve_with_weak_springs(
     carried = equations.springs.remaining()
     if carried.fraction > max_fraction or carried.sliding > RIGID.slight:
         raise NotConvergedError(f"{failed}; {carried.message}", report) from failed
-    report.notes.append(carried.message)
     return report
 
 
@@ -231,6 +249,9 @@ class _OnSprings:
     ) -> tuple[NewtonReport, float, Any]:
         """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
 
+        Springs that carry negligible forces become weaker, down to the elongation ``aim`` by these
+        forces: on a slight slope the first ones hold a body that slides on to its equilibrium.
+
         If ``balanced``, also until their force does, with ever weaker springs. A round body on one
         node hardly moves against the first ones, although they carry its moment, and has to roll
         until the next node supports it, too. Solves after which no contact force acts on a body
@@ -248,11 +269,12 @@ class _OnSprings:
         tolerance = max(SOLVED, self.options.residual_tolerance)
         rough = replace(self, options=replace(self.options, residual_tolerance=tolerance))
         springs, failures, first = self.equations.springs, 0, None
-        least, nearest = RIGID.negligible, None
+        least, nearest, err = RIGID.negligible, None, RIGID.normals_err
         for _ in range(RIGID.max_solves):
-            report, reason = rough.anchored(report, aim, touched=balanced)
+            report, reason = rough.anchored(report, aim, touched=balanced, err=err)
             if reason:
                 aim, failures = aim / RIGID.recovery**3, failures + 1
+                err = RIGID.normals_err
                 if failures == RIGID.max_failures:
                     raise NotConvergedError(self.failed.report.reason, report)
                 continue
@@ -265,23 +287,30 @@ class _OnSprings:
                 least, nearest = carried, self.equations.state()
             aim, failures = RIGID.recovery * aim, 0
             aim = aim if rests else min(aim, RIGID.elongation)
+            err = err / RIGID.recovery if carried <= RIGID.negligible else RIGID.normals_err
         return report, first or aim, nearest
 
     def anchored(
-        self, report: NewtonReport, aim: float, *, touched: bool
+        self,
+        report: NewtonReport,
+        aim: float,
+        *,
+        touched: bool,
+        err: float = RIGID.normals_err,
     ) -> tuple[NewtonReport, str]:
         """One solve with springs; a failure restores the state.
 
         Args:
             report: Record of the iterations before.
             aim: Elongation of the springs [shortest facets].
+            err: Smallest force over the contact force that has this elongation [1].
             touched: Whether contact acts on all bodies; if not after the solve, it has failed.
 
         Returns:
             The record of all iterations, and the reason of a failure, "" without one.
         """
         equations, start = self.equations, self.equations.state()
-        equations.springs.anchor(aim)
+        equations.springs.anchor(aim, err)
         try:
             report = then_solve(report, partial(solve, equations, self.options))
             carried = equations.springs.remaining()

@@ -116,7 +116,8 @@ class Certificate(Markdown):
             sum of the norms of all forces [1].
         inverted: Number of cells inverted at a point where a form with finite strains is evaluated.
         springs: Largest sum of the forces of springs on a body over the contact force on it [1];
-            zero unless the report of the solve records springs.
+            zero without springs.
+        held: Which bodies springs hold, and the motions that they prevent, as a message.
         drift: From the report of a solve: sliding distance of an obstacle driven by forces over its
             contact width [1], common to all its nodes and beyond the prescribed motion. The state
             is in equilibrium, but may not be reached by a path of equilibria.
@@ -134,6 +135,7 @@ class Certificate(Markdown):
     balance: float
     inverted: int
     springs: float = 0.0
+    held: str = ""
     drift: float = 0.0
     crossings: list[Crossing] = field(default_factory=list)
     passages: list[str] = field(default_factory=list)
@@ -189,10 +191,8 @@ class Certificate(Markdown):
             limit=LIMITS.tolerance,
         )  # fmt: skip
         yield Finding(
-            "springs", "force of springs on bodies / contact force", self.springs,
-            f"springs carry {self.springs:.1e} of the contact force (allowed "
-            f"{LIMITS.negligible:.1e})",
-            limit=LIMITS.negligible,
+            "springs", "force of springs on bodies / contact force", self.springs, self.held,
+            limit=LIMITS.negligible, remark=RIGID.slight,
         )  # fmt: skip
         yield Finding(
             "drift", "sliding of an obstacle driven by forces / width of contact", self.drift,

@@ -99,5 +99,6 @@ def trace_tests(path: str, arguments: list[str]) -> None:
     import pytest
 
     lines = Lines()
-    pytest.main(["-q", "-p", "no:cacheprovider", "-m", "not demo", *arguments], plugins=[lines])
+    without = [f"--ignore=tests/repository/test_{name}.py" for name in ("demos", "tutorial")]
+    pytest.main(["-q", "-p", "no:cacheprovider", *without, *arguments], plugins=[lines])
     lines.write(path)

@@ -98,7 +98,7 @@ def test_the_trapezoidal_rule_with_massive_contact_gains_energy():
 
 
 @pytest.mark.serial
-@pytest.mark.long
+@pytest.mark.once
 def test_a_bouncing_block_keeps_its_energy_over_six_impacts():
     made = free_block(gap=0.05, is_linear=True)
     made.gravity.value[:] = (0.0, -4.0)
@@ -220,7 +220,7 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
 
 
 @pytest.mark.serial
-@pytest.mark.long
+@pytest.mark.once
 def test_oscillator_on_a_belt_sticks_and_slides():
     """Stick up to x = mu N / k, then x - mu N / k = v / omega sin(omega t) for one period."""
     stiffness, pressure, mu, speed = 0.4, 0.1, 0.3, 0.03
@@ -264,7 +264,7 @@ def test_drag_slows_a_body_exponentially():
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("scheme", "rho_inf"),
-    [pytest.param("massless", 1.0, marks=pytest.mark.long), ("generalized_alpha", 0.5)],
+    [("massless", 1.0), ("generalized_alpha", 0.5)],
 )
 def test_convergence_in_time_is_of_second_order(scheme, rho_inf):
     coarse, fine = changes_in_free_flight(scheme, rho_inf, 0.1, (20, 40, 80))

@@ -78,7 +78,8 @@ def test_kinds_are_compared_only_if_the_residual_increases(monkeypatch):
     for step in range(1, 15):
         set_loads(step / 3 if step <= 3 else 1 + 0.8 * (step - 3) * FACET)
         tried.append([])
-        predictor.solve(float(step), problem.solve)
+        with predictor.attempt(float(step), problem.solve) as finish:
+            finish()
     alone = []
     for last, now in pairwise(tried[5:]):
         used, residual = min(zip(last[::2], last[1::2], strict=True), key=itemgetter(1))
@@ -153,7 +154,8 @@ def blocks_with_two_states():
 
     def press(time, solve=scene.problem.solve):
         scene.loads["push"].value[1] = -0.05 * time
-        return predictor.solve(time, solve)
+        with predictor.attempt(time, solve) as finish:
+            return finish()
 
     press(1.0), press(2.0)
     return scene.problem, predictor, press
@@ -248,6 +250,7 @@ def test_guess_that_opens_the_contact_is_rejected():
 
     for time, force in enumerate([0.4, 0.15, 1e-5], start=1):
         lid.push(y=-force, moment=0.0)
-        notes += predictor.solve(float(time), solve).notes
+        with predictor.attempt(float(time), solve) as finish:
+            notes += finish().notes
     assert np.array_equal(starts[2], predictor._path[-2].state.interfaces[0].z)
     assert sum("until contact stopped it" in note for note in notes) == 1  # before the first solve

@@ -46,7 +46,7 @@ def exact(stop: float):
 
 
 @pytest.mark.serial
-@pytest.mark.long
+@pytest.mark.once
 def test_stick_and_slip_follow_the_point_mass():
     """Two periods; the block is elastic, its shear wave takes 1/70 of a period."""
     made, belt = oscillator(LAW, pressure=PRESSURE, stiffness=STIFFNESS)

@@ -111,7 +111,6 @@ def test_results_on_ranks_without_cells_are_those_on_one_rank(case, alone, share
 
 @pytest.mark.serial
 @pytest.mark.once
-@pytest.mark.slow
 def test_every_public_method_is_called(tmp_path):
     """A new method belongs to one of the scenes; some take halves of what they try by the mesh."""
     others = [case for case in cases(5) if case.startswith(("options", "obstacles", "in_space"))]

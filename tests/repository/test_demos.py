@@ -65,17 +65,13 @@ def ends_with_what_the_gallery_shows(demo, folder):
 
 
 @pytest.mark.serial
-@pytest.mark.demo
-@pytest.mark.slow
 @pytest.mark.parametrize("demo", [demo for demo in DEMOS if demo.stem not in LONG], ids=_stem)
 def test_demo_runs(demo, tmp_path):
     ends_with_what_the_gallery_shows(demo, tmp_path)
 
 
 @pytest.mark.serial
-@pytest.mark.demo
-@pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.once
 @pytest.mark.parametrize("demo", [demo for demo in DEMOS if demo.stem in LONG], ids=_stem)
 def test_long_demo_runs(demo, tmp_path):
     ends_with_what_the_gallery_shows(demo, tmp_path)

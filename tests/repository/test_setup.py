@@ -253,7 +253,6 @@ def test_unknown_demo_lists_the_known_ones():
 
 
 @on_debian
-@pytest.mark.slow
 def test_pip_installs_the_package_beside_debians_dolfinx(tmp_path):
     source, venv = tmp_path / "source", tmp_path / "venv"
     source.mkdir()

@@ -20,8 +20,6 @@ def shown():
 
 
 @pytest.mark.serial
-@pytest.mark.demo
-@pytest.mark.slow
 def test_tutorial_prints_what_its_pages_show(tmp_path):
     finished = run(tmp_path, 1, SCRIPT)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]

@@ -24,6 +24,7 @@ class Scripted:
 
     def __init__(self, script):
         self.script, self.place, self.springs, self.anchored = list(script), 0, self, []
+        self.err = []
 
     def state(self):
         return self.place
@@ -31,7 +32,8 @@ class Scripted:
     def restore(self, state):
         self.place, self.fraction = state, 0.0
 
-    def anchor(self, elongation):
+    def anchor(self, elongation, err):
+        self.err.append(err)
         self.anchored.append((self.place, elongation))
 
     def remove_springs(self):
@@ -96,23 +98,50 @@ def test_bodies_that_errors_of_contact_forces_turn_for_ever_remain_where_they_ca
     assert scripted.places[24] == 24
 
 
-def test_a_block_slides_off_a_hill_until_it_meets_a_wall():
-    """Beside the top springs carry little, and then more, on the way to the only equilibrium."""
-    grid = Grid("block", mapped_grids.block(8, 8, width=1.0, height=1.0, corner=(-0.48, 0.0)))
+def test_springs_that_carry_little_become_weaker(monkeypatch):
+    """Halved after each solve in which they carry a negligible force; anew where they fail."""
+    err = run(monkeypatch, "0.1 0.004 0.004 0.004 0.006 0.004 no 0.004 yes yes").err
+    expected = [1, 1, 1 / 2, 1 / 4, 1 / 8, 1, 1 / 2, 1, 1 / 2, 1 / 4]
+    assert err[:10] == pytest.approx(RIGID.normals_err * np.array(expected))
+
+
+def on_a_hill(radius, at, room):
+    """A block of size 1 with weight 0.2 on a hill, ``at`` beside the top; a wall after ``room``."""
+    n = 8 if radius == 10.0 else 4
+    grid = Grid("block", mapped_grids.block(n, n, width=1.0, height=1.0, corner=(at - 0.5, 0.0)))
     data = mapped_grids.mesh([grid])
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     energy = fm.energies.neo_hookean(u, *fm.energies.lame(100.0, 0.3))
     dx = ufl.dx(metadata={"quadrature_degree": 3})
-    pairs = [
-        fm.ContactPair(data, "block/bottom", fm.Circle((0.0, -10.0), 10.0, name="hill")),
-        fm.ContactPair(data, "block/right", fm.Plane((0.56, 0.0), (-1.0, 0.0), name="wall")),
-    ]
+    hill = fm.Circle((0.0, -radius), radius, name="hill")
+    pairs = [fm.ContactPair(data, "block/bottom", hill)]
+    if room < np.inf:
+        wall = fm.Plane((at + 0.5 + room, 0.0), (-1.0, 0.0), name="wall")
+        pairs.append(fm.ContactPair(data, "block/right", wall))
     residual = ufl.derivative(energy * dx, u, v) + 0.2 * v[1] * dx
-    problem = fm.ContactProblem(residual, u, pairs, bcs=[], petsc_options_prefix="hill_")
-    problem.solve()
-    slope = (0.02 + 0.0374) / 10.0  # at the centre of the block, which is at the wall
+    return fm.ContactProblem(residual, u, pairs, bcs=[], petsc_options_prefix="hill_")
+
+
+@pytest.mark.parametrize(("radius", "at", "room"), [(10.0, 0.02, 0.04), (50.0, 0.1, 0.2)])
+def test_a_block_slides_off_a_hill_until_it_meets_a_wall(radius, at, room):
+    """Beside the top springs carry little, and then more, on the way to the only equilibrium."""
+    problem = on_a_hill(radius, at, room)
+    certificate = problem.solve().certificate
+    assert certificate.springs == 0.0 and certificate.remarks() == []
+    slope = (at + room) / radius  # at the centre of the block, which is at the wall
     assert -problem.contacts[1].total_force[0] == pytest.approx(0.2 * slope, rel=0.15)
+
+
+def test_a_block_that_springs_hold_on_a_hill_has_a_remark():
+    """The force of the springs is that of the slope."""
+    problem = on_a_hill(50.0, 0.1, np.inf)
+    (remark,) = problem.solve().certificate.remarks()
+    carried = problem.certificate().springs
+    slope = (0.1 + problem.state().u[0::2].mean()) / 50.0
+    assert carried == pytest.approx(slope, rel=0.1)
+    assert remark.startswith(f"springs carry {carried:.1e} of the contact force on body 'block'")
+    assert "without which it would move along (1, -0.002" in remark
 
 
 def test_five_failures_in_a_row_are_too_many(monkeypatch):
@@ -137,7 +166,7 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
     monkeypatch.setattr(solver, "solve", fails)
     monkeypatch.setattr(solver, "solve_with_springs", with_springs)
     monkeypatch.setattr(problem.equations.remedies, "drifts", lambda: False)
-    problem._solver._solve_on_all_dofs()
+    problem._solver._solve()
     assert np.array_equal(begun[0], start.u)
 
 

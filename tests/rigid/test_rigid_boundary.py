@@ -44,7 +44,6 @@ def energy_of(u):
     return COMM.allreduce(fem.assemble_scalar(form))
 
 
-@pytest.mark.slow
 def test_work_of_the_moment_in_a_quarter_turn_is_the_stored_energy():
     """Boole's rule over 12 steps; half of them change the result by less than 1e-5 of it."""
     problem, hub = ring(columns=16, rows=2)

@@ -132,16 +132,12 @@ def test_other_walls_of_five_bricks(options):
 
 
 @pytest.mark.once
-@pytest.mark.slow
 def test_wall_fails_beyond_the_friction_limit():
     gives_way(wall(2, 1, 0.4, push=1.2))
 
 
 @pytest.mark.once
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "rows, cols, mu", [(4, 3, 0.3), pytest.param(3, 9, 0.5, marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("rows, cols, mu", [(4, 3, 0.3), (3, 9, 0.5)])
 def test_large_wall(rows, cols, mu):
     stays(wall(rows, cols, mu, cells=(4, 2)), most=MOST)
 

@@ -10,6 +10,7 @@ from space_pairs import KINDS, ROLES, TILTED, pressed, slopes, stack
 import fenics_mortar as fm
 from fenics_mortar import laws
 from fenics_mortar.contact.law import Stick
+from fenics_mortar.interface.mortar import EXACT
 
 SOLVED = fm.NewtonOptions(residual_tolerance=1e-9)
 # Triangles with six nodes have no diagonal D.
@@ -76,6 +77,14 @@ def assert_exact(scene):
 def test_tangents_are_exact(cell, degree, algorithm, law):
     scene = slid(LAWS[law], cell, degree, algorithm=algorithm)
     assert scene.contact.active.any()
+    assert_exact(scene)
+
+
+def test_derivatives_of_a_bond_that_slides_back_are_those_of_a_solution():
+    """The shear is larger than |w|, since the slip in w is against it."""
+    scene = slid(LAWS["cohesive in shear"], motion=(0.06, 0.03, -0.055))
+    scene.move(0.055, 0.032, -0.055)
+    scene.problem.equations.linearization = EXACT
     assert_exact(scene)
 
 

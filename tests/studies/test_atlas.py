@@ -216,8 +216,7 @@ def test_iterations_do_not_depend_on_units_or_algorithm(record_of):
     assert iterations[1:] == iterations[:-1]
 
 
-@pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.once
 def test_command_writes_picture_and_tables(tmp_path):
     command = [sys.executable, "-m", "demos.studies.stability.atlas", "--problems", "three_bodies"]
     command += ["--methods", "default", "--results", tmp_path, "--workers", "1"]

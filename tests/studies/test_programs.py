@@ -22,7 +22,7 @@ PROGRAMS = [
 
 
 @pytest.mark.serial
-@pytest.mark.long
+@pytest.mark.once
 @pytest.mark.each
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_program_of_performance_runs(program, tmp_path):

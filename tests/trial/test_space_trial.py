@@ -41,7 +41,6 @@ def pressed(*, mu=0.3, cell="hexahedron", degree=1, tool=False, slide=0.02):
     )  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize(("family", "numbers"), SELECTED.items())
 def test_random_cases_in_space_are_solved(family, numbers):

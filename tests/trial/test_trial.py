@@ -54,7 +54,6 @@ BESIDE, CRACKS = 20, {"open": 11, "slides": 1, "sticks": 3}
 SAME = 1e-8
 
 
-@pytest.mark.slow
 @pytest.mark.serial
 def test_random_cases_converge_and_none_is_wrong():
     records = [run(random_case(seed))[0] for seed in SEEDS]

@@ -33,7 +33,6 @@ def test_estimate_is_of_the_size_of_the_error(name, elements):
 
 
 @pytest.mark.once
-@pytest.mark.slow
 def test_graded_meshes_take_a_fraction_of_the_unknowns():
     """A third on meshes this coarse; adapt.py shows it on finer ones."""
     (row,) = adapt.uniform("P1", [0.1])

@@ -84,8 +84,7 @@ def test_shear_agrees_with_cattaneo_and_mindlin(element, rate, most):
     assert np.log2(coarse / fine) == pytest.approx(rate, abs=0.15)
 
 
-@pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.once
 def test_wheel_rolls_by_carters_theory():
     """Within the error at four facets per half-width: 1 / 8 of it between nodes."""
     found = carter.roll(4, size=200.0)

@@ -210,33 +210,22 @@ def crossing_of(x, nodes, origin, direction, at):
 
 
 @kernel
-def find_ray_crossings(origin, direction, outline, own, min_distance, found):
-    """As ``kernels.sight.find_ray_crossings``."""
+def crossings(origin, direction, outline, own, min_distance):
+    """As ``kernels.sight.crossings``."""
     x, triangles, body, boxes, hits = outline
     box, along, at = np.empty(6), np.empty((2, 5)), np.empty(1)
     set_across(direction, along)
     set_ray(boxes, origin, direction, along, box)
-    count = 0
+    found, count = np.empty((32, 2)), 0
     for f in hits[: query_tree(boxes, box, along, hits)]:
         if body[f] != own:
             continue
         sign = crossing_of(x, triangles[f], origin, direction, at)
         if sign != 0.0 and at[0] > min_distance:
-            if count < found.shape[1]:
-                found[0, count], found[1, count] = at[0], sign
+            found = grown(found, count, count + 1)
+            found[count, 0], found[count, 1] = at[0], sign
             count += 1
-    return count
-
-
-@kernel
-def crossings(origin, direction, outline, own, min_distance):
-    """All crossings as rows of ``find_ray_crossings``, shape (2, c)."""
-    found = np.empty((2, 32))
-    count = find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    if count > found.shape[1]:
-        found = np.empty((2, count))
-        find_ray_crossings(origin, direction, outline, own, min_distance, found)
-    return found[:, :count]
+    return found[:count].T
 
 
 @kernel
