@@ -66,7 +66,7 @@ stored = [fem.form(capacity * T * dx(tag)) for tag in (data.bodies["punch"], dat
 contact, passed, course = problem.contacts[0], 0.0, []
 figure = Figure((11, 4.5), layout="constrained")
 left = figure.add_subplot(1, 2, 1, projection="3d", elev=22, azim=-120)
-shown = {"label": "temperature [K]", "units": ("mm", "MPa"), "cmap": "inferno", "scale": 50.0}
+shown = {"label": "temperature [K]", "units": ("mm", "MPa"), "cmap": "inferno"}
 for step in range(1, 21):
     report = problem.solve()
     w_old.x.array[:] = w.x.array

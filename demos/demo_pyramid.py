@@ -16,6 +16,7 @@
 from mpi4py import MPI
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import ufl
 from dolfinx import fem
@@ -66,6 +67,7 @@ problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="
 # -
 
 # ## Load steps
+# The picture shows the facets within the limits of its axes.
 
 # +
 cone = 4 * np.tan(np.radians(68)) / np.pi**1.5
@@ -81,6 +83,9 @@ if comm.rank == 0:
     print(f"cone, linear: k {cone:.3f}")
 P = ufl.diff(psi, F)
 shown = {"label": "vertical compression [MPa]", "units": ("mm", "MPa"), "limits": (0.0, 100.0)}
+near = {"xlim": (0, 1.99), "ylim": (0, 1.99), "zlim": (-1.2, 2)}
+view = {"elev": 18, "azim": -130, "proj_type": "ortho"}
+shown["ax"] = Figure((7.0, 5.5), layout="constrained").add_subplot(projection="3d", **near, **view)
 fm.plot(problem, "results/pyramid.png", stress=-(P * F.T / ufl.det(F))[2, 2], **shown)
 # -
 

@@ -86,7 +86,8 @@ if comm.rank == 0:
 shown = {"label": "vertical compression [MPa]", "units": ("mm", "MPa")}
 figure = Figure((11, 5), layout="constrained")
 places = figure.add_gridspec(1, 2, width_ratios=[3, 2])
-left = figure.add_subplot(places[0], projection="3d", elev=22, azim=-60)
+near = {"xlim": (0, 2.5), "ylim": (0, 2.5), "zlim": (-2.5, 2.5)}
+left = figure.add_subplot(places[0], projection="3d", elev=15, azim=-125, **near)
 right = figure.add_subplot(places[1], xlabel="r [mm]", ylabel="contact pressure [MPa]", xlim=(0, 2))
 angle = np.linspace(0, np.pi / 2)
 right.plot(a * np.cos(angle), exact[2] * np.sin(angle), "k", label="Hertz")

@@ -184,7 +184,8 @@ def _cell_means(mesh: Any, expression: Any, degree: int) -> Callable[[], Array]:
     metadata = {"quadrature_degree": degree, "quadrature_scheme": "default"}
     test, measure = ufl.TestFunction(V), ufl.Measure("dx", domain=mesh, metadata=metadata)
     components = [expression[i] if i else expression for i in np.ndindex(expression.ufl_shape)]
-    forms = [compat.form(c * test * measure) for c in (ufl.as_ufl(1.0), *components)]
+    nothing = fem.Constant(mesh, 0.0)  # a form without test function, of a component 0, has no sums
+    forms = [compat.form((c + nothing) * test * measure) for c in (ufl.as_ufl(1.0), *components)]
 
     def means() -> Array:
         area, *sums = (compat.local_sums(form)[cells] for form in forms)
@@ -531,7 +532,7 @@ class ResultsWriter:
             self._path.with_name(f"{self._path.name}.pvd"): _index(self._path.name, self._times),
         }
         for file, text in texts.items():
-            self._write_file(0, file, partial(_write_text, text))
+            self._write_file(0, file, partial(Path.write_text, data=text))
 
     def _write_file(self, rank: int, file: Path, write: Callable[[Path], Any]) -> None:
         """Write a file on a rank; an error is raised on all ranks (collective)."""
@@ -624,7 +625,3 @@ def _document(lines: Sequence[str]) -> str:
 
 def _write_piece(piece: Callable[[], Any], path: Path) -> None:
     piece().write(path)
-
-
-def _write_text(text: str, path: Path) -> None:
-    path.write_text(text)

@@ -1,28 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of the deformed bodies and the contact pressure.
-
-Pictures of solids: their outer facets, shaded, and coloured by a field.
-
-The outer facets of solids, for pictures: each of them once, on the rank that owns its cell.
-
-Style of pictures: colours, and what the user chooses.
-"""
+"""Pictures of the deformed bodies and the contact pressure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dolfinx import mesh as dmesh
-
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.interface.reference import CORNERS
-from fenics_mortar.interface.surfaces import outward_nodes
 from fenics_mortar.io.paraview import (
     GRID,
     CellField,
@@ -33,7 +23,16 @@ from fenics_mortar.io.paraview import (
     owned_cells,
     with_margin,
 )
-from fenics_mortar.mesh.space import cells_of_facets
+from fenics_mortar.io.solids import (
+    BODIES,
+    GREY,
+    INK,
+    PRESSURE,
+    Style,
+    colours,
+    drawing_of_solids,
+    pressure_label,
+)
 from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
@@ -44,200 +43,8 @@ if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Indices
 
 
-def rings_of_skin(V: Any) -> tuple[Indices, Indices]:
-    """The outer facets of the mesh of a Lagrange space of degree 1 or 2 in space (collective).
-
-    Returns:
-        Local cells of the facets (f,), and local nodes along their outlines, counter-clockwise
-        seen from outside, with those in the middle of edges of order 2, (f, k).
-    """
-    topology = V.mesh.topology
-    topology.create_connectivity(2, 3)
-    topology.create_connectivity(3, 2)
-    outer = dmesh.exterior_facet_indices(topology)
-    cells, nodes = cells_of_facets(V.mesh, outer)[0], outward_nodes(V, outer)
-    count = CORNERS[nodes.shape[1]]
-    sides = [nodes[:, first : first + count] for first in range(0, nodes.shape[1] - 1, count)]
-    return cells, np.stack(sides, axis=2).reshape(len(nodes), count * len(sides))
-
-
-INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
-BODIES = "#dfe6ea"
-SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
-# A field has both signs if the largest value of one sign is at least this fraction of the largest
-# of the other sign [1]: smaller values may be discretization errors, and half of the colours would
-# not be used.
-SIGNED = 0.2
-
-
-class Style(NamedTuple):
-    """Arguments of ``plot``, see there."""
-
-    label: str
-    title: str | None
-    scale: float
-    units: tuple[str, str] | None
-    limits: tuple[float, float] | None
-    cmap: Any
-
-
-def colours(values: Array, style: Style) -> dict[str, Any]:
-    """Colour map and norm of a field, diverging about zero if it has both signs (local)."""
-    from matplotlib.colors import Normalize, TwoSlopeNorm
-
-    low, high = (values.min(), values.max()) if style.limits is None else style.limits
-    smaller, larger = sorted((abs(low), abs(high)))
-    if not (low < 0.0 < high and smaller > SIGNED * larger):
-        return {"norm": Normalize(low, high), "cmap": style.cmap or SEQUENTIAL}
-    if style.limits is None:
-        low, high = -larger, larger
-    return {"norm": TwoSlopeNorm(0.0, low, high), "cmap": style.cmap or DIVERGING}
-
-
-def pressure_label(contacts: list[Any], contact: Any, style: Style) -> str:
-    """Entry of the legend on the largest pressure of a contact (local)."""
-    slaves = [other.slave.name for other in contacts]
-    name = contact.slave.name
-    if slaves.count(name) > 1:
-        name += f" by {contact.pair.master_name}"
-    unit = "" if style.units is None else f" {style.units[1]}"
-    return f"pressure on {name}, maximum {contact.pressure.max():.4g}{unit}"
-
-
-# Angles of the camera above the x-y plane and about z [degrees].
-CAMERA = (22.0, -60.0)
-# Angles from the camera to the light, upwards and to the right [degrees].
-LIGHT = (25.0, 20.0)
-# Brightness of facets that face away from the light, those that face it have 1 [1].
-DARKEST = 0.55
-
-
-class Facets(NamedTuple):
-    """Outer facets of solids.
-
-    Attributes:
-        polygons: Their outlines in the deformed state, shape (f, k, 3) [length].
-        values: Values of a field in their cells, shape (f,).
-    """
-
-    polygons: Array
-    values: Array
-
-
-def drawing_of_solids(
-    problem: ContactProblem, values: Array | None, style: Style
-) -> Callable[[Any], Any]:
-    """Function that draws solids into axes, or into new ones, on the first rank (collective).
-
-    Args:
-        problem: The problem.
-        values: Values of a field in the owned cells, shape (cells,), or ``None``.
-        style: Style of the picture.
-    """
-    bulk = problem.equations.bulk
-    x = bulk.cells.X + style.scale * bulk.u.x.array[bulk.space.dofs]
-    cells, rings = rings_of_skin(bulk.V)
-    given = np.zeros(len(cells)) if values is None else values[cells]
-    branches: Any = bulk.comm.gather((x[rings], given))
-    contacts = [c for c in evaluated_contacts(problem) if not isinstance(c, Tie)]
-
-    def draw(ax: Any) -> Any:
-        facets = Facets(*(np.concatenate(parts) for parts in zip(*branches, strict=True)))
-        axes = _axes_in_space() if ax is None else ax
-        axes.set_title(style.title or "", y=1.0)
-        _draw_facets(axes, facets, None if values is None else style)
-        _draw_largest_pressures(axes, contacts, style)
-        if style.scale != 1.0:
-            axes.plot([], [], [], " ", color=INK, label=f"displacement x {style.scale:g}")
-        _finish_axes_in_space(axes, style.units)
-        return axes
-
-    return draw
-
-
-def _axes_in_space() -> Any:
-    """Axes of a new figure."""
-    from matplotlib.figure import Figure
-
-    axes = Figure((7.0, 5.5), layout="constrained").add_subplot(projection="3d")
-    axes.view_init(*CAMERA)
-    axes.set_proj_type("ortho")
-    return axes
-
-
-def _draw_facets(axes: Any, facets: Facets, style: Style | None) -> None:
-    """Draw the facets that the camera sees, coloured if there is a style, and set the limits."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import to_rgb
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    faces = np.tile(to_rgb(BODIES), (len(facets.values), 1))
-    if style is not None:
-        mapping = ScalarMappable(**colours(facets.values, style))
-        faces = mapping.to_rgba(facets.values)[:, :3]
-        bar = axes.figure.colorbar(
-            mapping, ax=axes, label=style.label, location="left", shrink=0.6, pad=0.02
-        )
-        bar.outline.set_visible(False)
-    normals = _normals(facets)
-    seen = normals @ _direction(axes.elev, axes.azim) > 0.0  # their order in depth is not exact
-    light = _direction(axes.elev + LIGHT[0], axes.azim + LIGHT[1])
-    brightness = DARKEST + (1.0 - DARKEST) * np.clip(normals @ light, 0.0, 1.0)
-    shaded = (faces * brightness[:, None])[seen]
-    edges = {"edgecolors": (0.1, 0.1, 0.1, 0.5), "linewidths": min(0.35, 12 / len(shaded) ** 0.5)}
-    drawn = Poly3DCollection(facets.polygons[seen], facecolors=shaded, clip_on=False, **edges)
-    axes.add_collection3d(drawn)
-    points = facets.polygons.reshape(-1, 3)
-    low, high = points.min(axis=0), points.max(axis=0)
-    for name, *limits in zip("xyz", low, high, strict=True):
-        getattr(axes, f"set_{name}lim")(*limits)
-    axes.set_box_aspect(high - low)
-
-
-def _draw_largest_pressures(axes: Any, contacts: list[Any], style: Style) -> None:
-    """Mark the node of the largest pressure of each contact."""
-    for contact in contacts:
-        if contact.pressure.max() > 0.0:
-            X, x = (
-                places[contact.pressure.argmax()]
-                for places in (contact.slave.X, contact.operators.x)
-            )
-            label = pressure_label(contacts, contact, style)
-            place = X + style.scale * (x - X)
-            axes.plot(*place[:, None], "o", markersize=4, color=PRESSURE, label=label, zorder=10)
-
-
-def _finish_axes_in_space(axes: Any, units: tuple[str, str] | None) -> None:
-    """Labels with units, few numbers, panes without colour, and the legend."""
-    for name in "xyz":
-        label = name if units is None else f"{name} [{units[0]}]"
-        getattr(axes, f"set_{name}label")(label, fontsize=9)
-        axis = getattr(axes, f"{name}axis")
-        axis.pane.set_visible(False)
-        axis.set_tick_params(labelsize=8)
-    axes.grid(visible=False)
-    axes.locator_params(nbins=4)
-    if axes.get_legend_handles_labels()[1]:
-        style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
-        # below the labels of the axes, which reach lowest for tall bodies
-        axes.legend(**style, loc="upper left", bbox_to_anchor=(0.0, -0.11), fontsize=9)
-
-
-def _normals(facets: Facets) -> Array:
-    """Outer unit normals of the facets, zero without area, shape (f, 3) [1]."""
-    polygons = facets.polygons
-    first, second = (polygons[:, len(polygons[0]) * k // 3] for k in (1, 2))
-    normals = np.cross(first - polygons[:, 0], second - polygons[:, 0])
-    size = np.linalg.norm(normals, axis=1)
-    return np.asarray(normals / np.where(size > 0.0, size, 1.0)[:, None])
-
-
-def _direction(elevation: float, azimuth: float) -> Array:
-    """Unit vector to a place at two angles [degrees], shape (3,) [1]."""
-    up, about = np.radians([elevation, azimuth])
-    return np.array([np.cos(up) * np.cos(about), np.cos(up) * np.sin(about), np.sin(up)])
-
-
+# White around a picture [pixel].
+WHITE = 20
 # Function that draws into axes, or into those of a new figure, and returns them.
 Draw = Callable[[Any], Any]
 
@@ -258,7 +65,9 @@ def plot(
     """Draw the deformed bodies and the pressure on the slave surfaces (collective).
 
     The axes have equal scales. Fields of both signs have a diverging map with white at zero. Of
-    solids the outer facets are drawn, and the places of the largest pressures.
+    solids the outer facets are drawn, and the places of the largest pressures: by pyvista where it
+    is installed and EGL draws without a screen, with rings for hidden places, otherwise by
+    matplotlib, which may draw facets before others that hide them.
 
     Args:
         problem: The problem to draw.
@@ -276,6 +85,8 @@ def plot(
         cmap: Colour map of matplotlib, or its name.
         ax: Axes of matplotlib on the first rank, instead of a new figure, for solids those of a
             "3d" projection; other ranks may pass ``None``. Without ``path`` no file is written.
+            Angles of the camera are theirs, and so are limits that were set on them, as ``xlim``:
+            of solids only facets that lie within are drawn.
 
     Raises:
         MortarError: On all ranks, if the expression cannot be evaluated or the file not be written.
@@ -301,12 +112,24 @@ def plot(
     def draw() -> None:
         axes = drawing(ax)
         if file is not None:
-            draw_to = partial(axes.figure.savefig, dpi=200, bbox_inches="tight")
-            write_whole(file.with_name(f"{file.name}.png"), draw_to)
+            write_whole(file.with_name(f"{file.name}.png"), partial(_save, axes.figure))
 
     try_together(
         comm, comm.rank == 0, draw, "cannot draw" if file is None else f"cannot draw '{file}.png'"
     )
+
+
+def _save(figure: Any, path: Any) -> None:
+    """Write a figure without the white around it: axes in space have much."""
+    from matplotlib.image import imread, imsave
+
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png", dpi=200, bbox_inches="tight")
+    drawn.seek(0)
+    pixels = imread(drawn)
+    used = [np.flatnonzero((pixels < 1.0).any(axis=(side, 2))) for side in (1, 0)]
+    around = tuple(slice(max(k[0] - WHITE, 0), k[-1] + WHITE) for k in used)
+    imsave(path, pixels[around], format="png", dpi=200)
 
 
 def _drawing(problem: ContactProblem, values: Array | None, style: Style) -> Draw:
@@ -406,7 +229,7 @@ def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | Non
 
     around = OUTLINE[nodes.shape[1]]
     nodes, polygons = nodes[:, around], polygons[:, around]
-    cells = PolyCollection(polygons, facecolors=BODIES)
+    cells = PolyCollection(polygons, facecolors=BODIES[0])
     cells.set(array=values, edgecolors=(0.1, 0.1, 0.1, 0.35))
     cells.set(linewidths=min(0.35, 12.0 / np.sqrt(len(nodes))))
     edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)

@@ -244,6 +244,14 @@ def test_a_state_of_another_motion_is_refused_with_what_to_do(shared_path, their
     assert np.array_equal(problem.equations.bulk.u.x.array, u)
 
 
+def test_a_state_of_a_motion_is_not_restored_in_statics():
+    moving, at_rest = in_motion(), in_motion(None)
+    u = at_rest.equations.bulk.u.x.array.copy()
+    with refused(fm.MortarError, "one of a motion, .* statics: set up the same Dynamics"):
+        at_rest.restore(moving.state())
+    assert np.array_equal(at_rest.equations.bulk.u.x.array, u)
+
+
 def test_a_motion_starts_from_a_state_at_rest_that_is_loaded_before(shared_path):
     problem = in_motion(None)
     fm.save_state(problem, shared_path / "state")

@@ -63,6 +63,15 @@ def test_means_over_cells_of_a_quadrature_function_are_exact(shape):
         assert np.abs(found[(slice(None), *i)] - mean).max(initial=0.0) < 1e-13
 
 
+def test_a_component_that_is_zero_has_the_mean_zero():
+    problem = small_blocks().problem
+    value = at_points(problem.equations.bulk.V.mesh, ())
+    value.x.array[:] = 3.0
+    diagonal = ufl.as_tensor([[value, 0.0], [0.0, 2.0 * value]])
+    found = CellField(problem, diagonal, "diagonal").evaluate()
+    assert np.abs(found - np.diag([3.0, 6.0])).max(initial=0.0) < 1e-13
+
+
 def test_pictures_and_files_take_quadrature_functions(shared_path):
     problem = small_blocks().problem
     mesh = problem.equations.bulk.V.mesh

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Files and pictures of solids, and states that continue in another run."""
 
+from io import BytesIO
+
 import meshio
 import numpy as np
 import pytest
@@ -12,8 +14,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.io import solids
 from fenics_mortar.io.paraview import outline
-from fenics_mortar.io.picture import rings_of_skin
+from fenics_mortar.io.solids import rings_of_skin
 from fenics_mortar.utils import compat
 
 EACH = pytest.mark.parametrize("cell, order", EACH_CELL)
@@ -100,17 +103,99 @@ def test_plot_draws_solids(shared_path, cell, order):
     fm.plot(scene.problem, shared_path / "grey.png")
 
 
-def test_plot_draws_into_given_axes():
-    from matplotlib.figure import Figure
-
+def test_plot_draws_into_given_axes(monkeypatch):
     scene = pressed().set_up()
-    axes = Figure().add_subplot(projection="3d") if COMM.rank == 0 else None
+    monkeypatch.setattr(solids, "off_screen", lambda: False)
+    axes = own_axes()
     fm.plot(scene.problem, ax=axes, title="One")
     if COMM.rank == 0:
         (bodies,) = axes.collections
         facets = 2 * 3 + 2 * 2 + 3 * 2  # the camera sees three sides
         assert len(bodies.get_facecolor()) == facets
         assert np.allclose(axes.get_xlim(), (0.0, SIZE[0])) and axes.get_title() == "One"
+
+
+def test_axes_in_the_plane_are_refused_for_solids():
+    from matplotlib.figure import Figure
+
+    axes = Figure().add_subplot() if COMM.rank == 0 else None
+    with pytest.raises(fm.MortarError, match="projection='3d'"):
+        fm.plot(pressed().set_up().problem, ax=axes)
+
+
+def own_axes(**options):
+    """Axes in space on rank 0, ``None`` elsewhere."""
+    from matplotlib.figure import Figure
+
+    return Figure().add_subplot(projection="3d", **options) if COMM.rank == 0 else None
+
+
+def image_of(axes):
+    from matplotlib.image import imread
+
+    file = BytesIO()
+    axes.figure.savefig(file)
+    file.seek(0)
+    return imread(file)
+
+
+BY_PYVISTA = pytest.mark.skipif(
+    not solids.off_screen(), reason="pyvista is not installed, or EGL has no device"
+)
+
+
+@BY_PYVISTA
+def test_ring_of_the_largest_pressure_where_facets_hide_it():
+    scene, found = solid(), []
+    plane = fm.Plane((0.5, 0.5, 0.98 * SIZE[2]), (0.0, 0.0, -1.0))
+    scene.bcs = [fm.dirichlet(scene.u.function_space, scene.data, "block/bottom", (0.0, 0.0, 0.0))]
+    scene.set_up([fm.ContactPair(scene.data, "block/top", plane)])
+    scene.problem.solve()
+    for elevation in (89.0, -89.0):  # a plane presses on the top
+        axes = own_axes(elev=elevation)
+        fm.plot(scene.problem, ax=axes)
+        if axes is not None:
+            image_of(axes)
+            found += [axes.lines[0].get_markerfacecolor() == "none"]
+    assert found in ([], [False, True])
+
+
+def test_facets_within_limits_that_the_axes_have():
+    scene = pressed().set_up()
+    axes = own_axes(xlim=(-0.1, 0.8 * SIZE[0]))
+    fm.plot(scene.problem, ax=axes)
+    if axes is not None:
+        assert np.allclose(axes.get_xlim(), (-0.1, 0.8 * SIZE[0]))
+        assert np.allclose(axes.get_ylim(), (0.0, SIZE[1]))
+    axes = own_axes()
+    for stretch in (1.0, 2.0):  # of a second picture in the same axes
+        fm.plot(scene.problem, ax=axes)
+        if axes is not None:
+            assert np.allclose(axes.get_zlim(), (0.0, stretch * SIZE[2]))
+        scene.u.interpolate(lambda x: np.stack([0.0 * x[0], 0.0 * x[1], x[2]]))
+    with pytest.raises(fm.MortarError, match="xlim=.*no facet lies within"):
+        fm.plot(scene.problem, ax=own_axes(xlim=(50.0, 60.0)))
+    with pytest.raises(fm.MortarError, match="inverted"):
+        fm.plot(scene.problem, ax=own_axes(zlim=(2.0, -1.0)))
+
+
+@BY_PYVISTA
+@pytest.mark.parametrize("projection", ["ortho", "persp"])
+def test_pyvista_has_the_camera_of_the_axes(monkeypatch, projection):
+    """The images cover the same pixels, and parts of the bodies have the same colours in them."""
+    scene, images = pressed().set_up(), []
+    scene.problem.solve()
+    for by_pyvista in (True, False):
+        monkeypatch.setattr(solids, "off_screen", lambda by=by_pyvista: by)
+        axes = own_axes(proj_type=projection)
+        fm.plot(scene.problem, stress=ufl.div(scene.u), ax=axes)
+        if axes is not None:
+            images.append(image_of(axes)[..., :3])
+    if COMM.rank == 0:
+        one, other = images
+        covers = one.min(axis=2) < 0.98, other.min(axis=2) < 0.98
+        assert (covers[0] != covers[1]).mean() < 0.01 and 0.1 < covers[1].mean() < 0.9
+        assert np.abs(one - other).mean() < 0.02
 
 
 @EACH
