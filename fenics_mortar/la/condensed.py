@@ -53,12 +53,11 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.options import (
-    ITERATIVE,
-    ITERATIVE_IN_SPACE,
     SMALL,
     Algorithm,
     SolverName,
     costs_of,
+    iterative,
 )
 from fenics_mortar.la.sparse import (
     BlockMatrix,
@@ -484,8 +483,10 @@ def system_of(
     small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
     if small:
         reason += f", at most {costs_of(bulk.space.dim).few:,} on one rank"
-    iterative = ITERATIVE if bulk.space.dim == 2 else ITERATIVE_IN_SPACE
-    defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else iterative
+    defaults: dict[str, Any] = SMALL if small else {}
+    if solver != "direct":
+        on_edge = bulk.V.dofmap.dof_layout.entity_dofs(1, 0)
+        defaults = iterative(bulk.space.dim, is_linear=len(on_edge) == 0)
 
     def create() -> LinearSystem:
         system = form(bulk, contacts, prefix, defaults | (options or {}))

@@ -82,6 +82,13 @@ HYPRE = {
 # a sphere with 0.25 and 0.5: 418 and 122 on hexahedra stretched by 60, 558 and 165 if these are
 # quadratic, of a half ball of tetrahedra that are not stretched 68 and 73.
 HYPRE_IN_SPACE = {"pc_hypre_boomeramg_strong_threshold": 0.5}
+# With linear elements in space the finest level is coarsened aggressively: half the time of a cycle
+# and of its set-up for a fifth more linear iterations (half ball, 53,000 unknowns: 28 and 14 ms,
+# 73 and 87). Quadratic ones need more than twice as many. Near incompressibility it does not pay:
+# CPU seconds and linear iterations with it and without, two blocks with friction, 43,000 unknowns,
+# hexahedra with Poisson's ratio 0.3: 10.9 and 11.5, 72 and 57; with 0.499: 32.9 and 30.1, 613 and
+# 365; tetrahedra with 0.499: 33.2 and 23.5, 1168 and 448, where one solve fails.
+HYPRE_LINEAR = {"pc_hypre_boomeramg_agg_nl": 1}
 # The cycle by PETSc's smoothed aggregation, with the rigid motions as near-null space, where PETSc
 # has no hypre. Iterations for eight digits are in the performance README. Two sweeps save a
 # tenth of them, Chebyshev with Jacobi needs a tenth more. An aggregate with fewer dofs than rigid
@@ -95,7 +102,6 @@ GAMG = {
     "mg_levels_pc_sor_diagonal_shift": 1e-30,
 }
 CYCLE = TIED | (HYPRE if compat.petsc_has("hypre") else GAMG)
-CYCLE_IN_SPACE = CYCLE | (HYPRE_IN_SPACE if compat.petsc_has("hypre") else {})
 # Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
 # one refinement; above it half of the digits are lost by growth of the pivots.
 WITHOUT_PIVOTING = 1e-10
@@ -107,7 +113,9 @@ STRIP_FACTORS, STRIP_PIVOTS = (
     | {f"redundant_{name}": value for name, value in options.items() if name != "ksp_type"}
     for options in (SMALL, DIRECT)
 )
-# In space the factors, a fifth of all memory, are shared by the ranks.
+# In space the factors, a fifth of all memory, are shared by the ranks. Incomplete factors are as
+# fast for bodies of one material, but GMRES does not converge with a slave 1000 times as stiff as
+# its master, or with Poisson's ratio 0.499.
 STRIP_IN_SPACE = {name: value for name, value in DIRECT.items() if name != "ksp_type"}
 # Flexible GMRES stores the preconditioned directions. GMRES forms the solution by one more
 # application of multigrid, a tenth of all.
@@ -120,7 +128,16 @@ ITERATIVE = {
     "pc_type": "python",
     **{f"cycle_{name}": value for name, value in CYCLE.items()},
 }
-ITERATIVE_IN_SPACE = ITERATIVE | {f"cycle_{name}": value for name, value in CYCLE_IN_SPACE.items()}
+
+
+def iterative(dim: int, *, is_linear: bool) -> dict[str, Any]:
+    """Options of GMRES with multigrid in the plane or in space, for linear elements (local)."""
+    if dim == 2 or not compat.petsc_has("hypre"):
+        return ITERATIVE
+    cycle = HYPRE_IN_SPACE | (HYPRE_LINEAR if is_linear else {})
+    return ITERATIVE | {f"cycle_{name}": value for name, value in cycle.items()}
+
+
 # Options with this prefix belong to another solver, see ``la.solver``.
 COMPLIANCE = "compliance_"
 # Prefixes and names of options set in PETSc's database by ``options_added`` at present.
