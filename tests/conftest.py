@@ -92,8 +92,8 @@ def by_function(items):
 def count_of(cases):
     """Number of cases of a test function to be run, 0 for all.
 
-    All cases run of kernel tests, which are fast (eight in the chroots), of tests for each file or
-    demo, and of tests for several ranks only.
+    All cases run of kernel tests, which are fast, of tests for each file or demo, and of tests for
+    several ranks only.
     """
     first = cases[0]
     if "ranks" in marks(first) or folder(first) in ("kernels", "repository"):

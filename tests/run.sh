@@ -45,6 +45,7 @@ few=tests/problem/test_few_cells.py
 failed=0
 summary=()
 without=()
+markers=""
 
 run() { # TITLE COMMAND...: run it, and note how it ended
     local title=$1 code=0 start=$SECONDS outcome=passed
@@ -88,9 +89,10 @@ for name in ${FENICS_MORTAR_WITHOUT:-}; do
     case "$name" in
         *::*) without+=("--deselect=$name") ;;
         tests/*) without+=("--ignore=$name") ;;
-        *) without+=(-m "not $name") ;;
+        *) markers+="${markers:+ and }not $name" ;;
     esac
 done
+if [ -n "$markers" ]; then without+=(-m "$markers"); fi
 if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "${without[@]}" "$@" || true
 else

@@ -91,7 +91,7 @@ class FloatingBody:
         motions: Orthonormal combinations of the translations, of the rotations about the centre
             times ``size``, one in the plane and three in space, and of the motion of each section,
             shape (number of free motions, 3 + s) or, in space, (number, 6 + s).
-        stiffest: Largest diagonal entry of K in the body [stress].
+        stiffest: Largest diagonal entry of K in the body [stress], in space times length.
         num_nodes: Number of its nodes on all ranks.
         sections: The s sections that separate it.
     """

@@ -440,6 +440,21 @@ class FormPoints:
             found[group.cells] |= (ratios <= 0.0).any(axis=1)
         return found
 
+    def too_few(self) -> Flags:
+        """Whether motions other than rigid ones strain a cell at none of its points (local).
+
+        That is so if the points have fewer strains than the cell has other motions; shape (owned
+        cells,). Cells without finite strains are not judged.
+        """
+        lacking = np.zeros(self._num_cells)
+        for group in self._finite:
+            _, nodes, dim = group.gradients.shape
+            lacking[group.cells] = nodes * dim - dim * (dim + 1) // 2
+        for group in self._finite:
+            points, _, dim = group.gradients.shape
+            lacking[group.cells] -= points * dim * (dim + 1) // 2
+        return np.asarray(lacking > 0)
+
 
 def _points(X: Array, nodes: Any, cells: Indices, gradients: Array) -> CellPoints:
     """Points of some cells; those with the same gradients, as of a straight triangle, are one."""

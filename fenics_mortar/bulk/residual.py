@@ -539,7 +539,15 @@ class Bulk:
         """
         return self.cells.count(self.form_points.inverted(self.positions()))
 
-    def describe_inverted_nodes(self, remedy: str = "refine there") -> str:
+    def describe_few_points(self) -> str:
+        """Remark on cells that the form does not hold; "" if there are none (collective)."""
+        count, where = self.cells.count(self.form_points.too_few())
+        return (
+            f"the form has too few points in {count} cells, one at {where}, to resist all of their "
+            "motions: raise quadrature_degree, for displacements of degree 2 to 4"
+        ) * bool(count)
+
+    def describe_inverted_nodes(self) -> str:
         """Remark on cells inverted at their nodes alone; "" if there are none (collective)."""
         x = self.positions()
         at_nodes = (self.cells.area_ratios(x) <= 0.0).any(axis=1)
@@ -550,7 +558,7 @@ class Bulk:
             return f"{count} cells are inverted, one at {where}: the strains are not small"
         return (
             f"{count} cells are inverted at nodes, one at {where}, though not where the form is "
-            f"evaluated: {remedy}"
+            "evaluated: refine there, or raise the quadrature degree of dx"
         )
 
 

@@ -66,12 +66,7 @@ from fenics_mortar.contact.law_calls import (
     first_instant,
     raise_stored,
 )
-from fenics_mortar.contact.rows import (
-    ContactRows,
-    MultiplierNodes,
-    next_sets,
-    normals_on_planes,
-)
+from fenics_mortar.contact.rows import ContactRows, MultiplierNodes, next_sets, normals_on_planes
 from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
 from fenics_mortar.interface.integrals import Segments, evaluate_normals

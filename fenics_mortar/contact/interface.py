@@ -322,7 +322,7 @@ class Interface(ABC):
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
         modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
-        foundation: ``modulus`` over the node's length, (slave nodes,) [stress / length].
+        foundation: ``stiffness`` over the node's area, (slave nodes,) [stress / length].
         may_carry: Whether a slave node ever carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it carries a multiplier, shape (slave nodes,), bool.
@@ -413,7 +413,7 @@ class Interface(ABC):
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness
         self.modulus = stiffness / self.slave.mean_thickness
-        self.foundation = self.modulus / self.slave.nodal_lengths
+        self.foundation = stiffness / self.slave.nodal_areas
         if hasattr(self, "now"):
             self.set_operators(self.operators)
 
@@ -740,9 +740,9 @@ class OperatorEvaluation:
 
 
 def or_other_weights(contact: Interface) -> str:
-    """Advice to weight gaps by standard functions; "" where multipliers are not dual (local)."""
-    has_dual = contact.basis in ("dual", "vertices")
-    return ", or take Discretization(gap_weights='standard')" * has_dual
+    """Advice to weight gaps by standard functions, if these are positive; else "" (local)."""
+    linear = contact.basis == "vertices" or (contact.basis == "dual" and contact.slave.degree == 1)
+    return ", or take Discretization(gap_weights='standard')" * linear
 
 
 def or_more_functions(contacts: Sequence[Interface]) -> str:

@@ -26,7 +26,12 @@ from fenics_mortar.interface.integrals import GapWeights, Integration, MortarOpt
 from fenics_mortar.interface.reference import Basis
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import TURNS, check_finite, check_vector
+from fenics_mortar.obstacles.rigid_motion import (
+    TURNS,
+    check_direction,
+    check_finite,
+    check_vector,
+)
 from fenics_mortar.utils.errors import (
     check_choice,
     check_kind,
@@ -614,7 +619,7 @@ class Pretension(TiedPair):
         self.motion.name = self.slave_name if name is None else name
         if axis is not None:
             with together(data.mesh.comm, "Pretension"):
-                self.axis = _unit(check_vector("axis", axis, dim))
+                self.axis = check_direction("axis", axis, dim)
 
     def push(self, force: float) -> None:
         """Prescribe the force in the section; the shortening is an unknown of the next solve.
@@ -665,15 +670,3 @@ class Pretension(TiedPair):
     def __repr__(self) -> str:
         """The two faces."""
         return f"Pretension({self.slave_name!r}, {self.master_name!r})"
-
-
-def _unit(vector: Array) -> Array:
-    """A vector (dim,) over its length (local).
-
-    Raises:
-        ValueError: If it is zero.
-    """
-    length = float(np.linalg.norm(vector))
-    if length == 0.0:
-        raise ValueError("axis is zero; expected a direction")
-    return vector / length

@@ -210,15 +210,15 @@ class CombinedSprings:
     _stiffness: float
     _forces: Callable[[], tuple[Array, Array, Array]]
 
-    def anchor(self, elongation: float, err: float = RIGID.normals_err) -> None:
+    def anchor(self, elongation: float, share: float = 1.0) -> None:
         """Anchor floating bodies and driven obstacles at their present positions.
 
-        The forces that drive a body now, or a small fraction of all forces on it, would elongate
-        its springs by ``elongation`` shortest facets.
+        The forces that drive a body now, or a ``share`` of the error of its contact forces, would
+        elongate its springs by ``elongation`` shortest facets.
         """
         bulk, contact, _ = self._forces()
-        self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation, err)
-        self._obstacles.anchor(elongation, self._stiffness)
+        self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation, share)
+        self._obstacles.anchor(elongation, self._stiffness, share)
 
     def remove_springs(self) -> None:
         """Remove the springs."""
@@ -234,19 +234,19 @@ class CombinedSprings:
         energy = self._floating.spring_energy() + self._obstacles.spring_energy()
         messages = [
             (
-                f"{fraction:.1e} of the contact force on {name}"
+                f"springs carry {fraction:.1e} of the contact force on {name}"
                 if np.isfinite(fraction)
-                else f"all forces on {name}, which no contact force acts on"
+                else f"springs carry all forces on {name}, which no contact force acts on"
             )
             + f", without which it would {how}" * (how != "")
             for name, fraction, _, how in carried
             if fraction > RIGID.slight
         ]
+        forces = f"{', '.join(messages)}, with an energy of {energy:.3e}"
         return Remaining(
             max((each.fraction for each in carried), default=0.0),
             max((each.fraction for each in carried if each.slides), default=0.0),
-            f"springs carry {', '.join(messages)}, with an energy of {energy:.3e}: "
-            f"{_reason(carried)}",
+            f"{forces}: {_reason(carried)}" if messages else "",
         )
 
 
@@ -390,7 +390,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
 
 
 def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
-    """Describe inverted cells, loose bodies, wrong laws, edges and overlaps; "" if none.
+    """Describe inverted cells, few points, loose bodies, laws, edges and overlaps; "" if none.
 
     Args:
         equations: The ``ContactEquations``.
@@ -398,7 +398,7 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
     """
     bulk, contacts, floating = equations.bulk, equations.contacts, equations.floating
     first = describe_inverted(bulk)
-    at_nodes = "" if first else bulk.describe_inverted_nodes("try smaller load steps")
+    at_nodes = "" if first else bulk.describe_inverted_nodes()
     if not first:
         driven = equations.motions.describe(equations.residual.force)
         first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
@@ -406,7 +406,8 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
         first = first or _describe_peeling(contacts, recent)
         first = first or _describe_alternating(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
-    return "; ".join(filter(None, (first, at_nodes, *map(describe_overlap, contacts))))
+    few = bulk.describe_few_points()
+    return "; ".join(filter(None, (first, at_nodes, few, *map(describe_overlap, contacts))))
 
 
 def describe_inverted(bulk: Bulk) -> str:

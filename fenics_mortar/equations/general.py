@@ -56,7 +56,7 @@ from fenics_mortar.utils.errors import (
     format_point,
     together,
 )
-from fenics_mortar.verify.crossing import AcceptedPositions, Crossings, SpaceCrossings
+from fenics_mortar.verify.crossing import Crossings, SpaceCrossings
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.bodies import FloatingBody
@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from fenics_mortar.equations.linearized import ReducedTangent
     from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.verify.node_paths import AcceptedPositions
 
 
 @dataclass(frozen=True)
@@ -102,29 +103,21 @@ class State(Value):
         Users set these for a problem, while this state may be an extrapolation of earlier states or
         the state of another model.
         """
-        pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return self.replaced(
-            interfaces=tuple(
-                a.replaced(offset=b.offset, c_n=b.c_n, reference=b.reference, load_time=b.load_time)
-                for a, b in pairs
-            )
-        )
+        return self._taking(other, "offset", "c_n", "reference", "load_time")
 
     def counting_slip_from(self, other: State) -> State:
         """This state with the partners, instants, history and accepted positions of ``other``."""
+        names = "partners", "accepted_partners", "start_instant", "accepted_instant"
+        found = self._taking(other, *names)
+        return found.replaced(accepted_positions=other.accepted_positions, history=other.history)
+
+    def _taking(self, other: State, *names: str) -> State:
+        """This state with some attributes of the interfaces of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return self.replaced(
             interfaces=tuple(
-                a.replaced(
-                    partners=b.partners,
-                    accepted_partners=b.accepted_partners,
-                    start_instant=b.start_instant,
-                    accepted_instant=b.accepted_instant,
-                )
-                for a, b in pairs
-            ),
-            accepted_positions=other.accepted_positions,
-            history=other.history,
+                a.replaced(**{name: getattr(b, name) for name in names}) for a, b in pairs
+            )
         )
 
     def towards(self, other: State, fraction: float) -> State:
@@ -288,7 +281,10 @@ class ContactEquations:
             o = contact.operators
             if np.isnan(o.gap).any():
                 where = format_point(o.x[int(np.isnan(o.gap).argmax())])
-                raise NotFiniteError(f"facets of '{contact.slave.name}' are folded at {where}")
+                names = f"'{contact.slave.name}'"
+                if contact.obstacle is None:
+                    names += f", or of '{contact.master.name}' opposite,"
+                raise NotFiniteError(f"facets of {names} are folded at {where}")
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -448,6 +444,11 @@ class ContactEquations:
             if not same:
                 raise MortarError(
                     "the state belongs to another problem: expected a result of state() of this one"
+                )
+            if state.rates is not None and self.bulk.inertia is None:
+                raise MortarError(
+                    "the state is one of a motion, and this problem is one of statics: set up the "
+                    "same Dynamics of it before restore"
                 )
         self.put(state)
         self.residual.begin()

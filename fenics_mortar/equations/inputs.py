@@ -51,7 +51,7 @@ from fenics_mortar.utils.errors import (
     parameters_of,
     together,
 )
-from fenics_mortar.verify.checks.obstacle_gradient import check_user_gradient
+from fenics_mortar.verify.checks.obstacles import check_user_gradient
 
 if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations

@@ -57,8 +57,9 @@ with the compliance A and the displacement d without contact forces; see ``reduc
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from mpi4py import MPI
@@ -323,9 +324,25 @@ class ContactMatrices(NamedTuple):
         return type(self)(self.K_c.T, self.C.T, self.B_T.T, self.A_z.T)
 
 
+def on_first_rank(comm: MPI.Comm, solve: Callable[[], Any]) -> Any:
+    """The result of a dense solve on rank 0, on all ranks (collective).
+
+    Raises:
+        MortarError: On all ranks, if the system is singular.
+    """
+    found = None
+    if comm.rank == 0:
+        with suppress(np.linalg.LinAlgError):
+            found = solve()
+    found = comm.bcast(found)
+    if found is None:
+        raise MortarError("the reduced linear system is singular")
+    return found
+
+
 def solve_dense(
     A: Array, matrices: ContactMatrices, some: Indices, d: Array, rhs: Array, weight: Array
-) -> tuple[Array, Array, Array] | None:
+) -> tuple[Array, Array, Array]:
     """Solve the dense system for some multipliers, the others being zero (local).
 
     Args:
@@ -337,8 +354,10 @@ def solve_dense(
         weight: Factors of the rows of multipliers, (n,), for the norm of the error.
 
     Returns:
-        Displacements and contact forces, (size,) each, multipliers, (n,); ``None`` if the system is
-        singular.
+        Displacements and contact forces, (size,) each, multipliers, (n,).
+
+    Raises:
+        LinAlgError: If the system is singular.
     """
     K_c, B_T, C, A_z = matrices
     coupled = B_T.row[np.isin(B_T.col, some)]
@@ -353,13 +372,10 @@ def solve_dense(
     lower[:, t.size :] = _part(A_z, some, some).toarray()
     lower *= weight[some, None]
     right = np.concatenate([d[t], weight[some] * rhs[some]])
-    try:
-        x = np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return None
+    x = np.linalg.solve(matrix, right)
     defect = np.linalg.norm(matrix @ x - right)
     if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
-        return None
+        raise np.linalg.LinAlgError("the solution has a defect")
     z, force = np.zeros(rhs.size), np.zeros(d.size)
     z[some] = x[t.size :]
     force[t] = K_t @ x[: t.size] + B_t @ z[some]
@@ -462,13 +478,7 @@ class ReducedTangent:
         d = self._without_contact(f)
         if known is not None:
             d = d + self._dofs.gather(known)
-        solution = None
-        if self._bulk.comm.rank == 0:
-            solution = self._on_contact(d, h, matrices)
-        solution = self._bulk.comm.bcast(solution)
-        if solution is None:
-            raise MortarError("the reduced linear system is singular")
-        force, zeta = solution
+        force, zeta = on_first_rank(self._bulk.comm, partial(self._on_contact, d, h, matrices))
         forces = np.zeros_like(f)
         self._dofs.put(force, forces)
         u = self._of_bulk(f - forces)
@@ -484,24 +494,18 @@ class ReducedTangent:
 
     def _on_contact(
         self, d: Array, h: Sequence[Array], matrices: ContactMatrices
-    ) -> tuple[Array, Array] | None:
-        """Contact forces (size,) and multipliers (n,); ``None`` if singular (local)."""
+    ) -> tuple[Array, Array]:
+        """Contact forces (size,) and multipliers (n,), see ``solve_dense`` (local)."""
         A, (rhs, weight) = self._compliance.A, np.empty((2, self._system.all_z_dofs))
         for (contact, z_dofs), values in zip(self._system.numbered(), h, strict=True):
             rhs[z_dofs], weight[z_dofs] = values, 1.0 / contact.stiffness[:, None]
         coupled = [z_dofs.ravel() for z_dofs in self._coupled]
         some = np.sort(np.concatenate([np.empty(0, np.int64), *coupled]))
         others = self._system.with_others(np.setdiff1d(np.arange(rhs.size), some))
-        try:
-            alone = solve_alone(matrices.A_z, others, rhs)
-            pushed = matrices.B_T @ alone
-            found = solve_dense(A, matrices, some, d - A @ pushed, rhs, weight)
-            if found is None:
-                return None
-            u, force, z = found
-            alone = solve_alone(matrices.A_z, others, rhs - matrices.C @ u)
-        except np.linalg.LinAlgError:
-            return None
+        alone = solve_alone(matrices.A_z, others, rhs)
+        pushed = matrices.B_T @ alone
+        u, force, z = solve_dense(A, matrices, some, d - A @ pushed, rhs, weight)
+        alone = solve_alone(matrices.A_z, others, rhs - matrices.C @ u)
         return force + pushed, z + alone
 
     def _of_bulk(self, f: Array) -> Array:

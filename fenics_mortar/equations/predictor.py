@@ -235,12 +235,13 @@ class MovingFrame:
         interfaces = list(guess.interfaces)
         u = guess.u.copy()
         for body, s in motions.items():
-            v = self.carried(last.u, body, ratio * s)
-            w = self.carried(before.u, body, (1.0 + ratio) * s)
+            dofs, mesh = self._body(body)
+            v = mesh.interpolate(last.u[dofs], mesh.X - ratio * s)
+            w = mesh.interpolate(before.u[dofs], mesh.X - (1.0 + ratio) * s)
             there = np.isfinite(v + w).all(axis=1)
-            u[self.dofs_of(body)[there]] = (v + ratio * (v - w))[there]
-        for i, surface, body in self.slaves():
-            if body in motions:
+            u[dofs[there]] = (v + ratio * (v - w))[there]
+        for i, is_slave, surface, body in self._sides:
+            if is_slave and body in motions:
                 s = motions[body]
                 v = carried_along(surface, last.interfaces[i].z, ratio * s)
                 w = carried_along(surface, before.interfaces[i].z, (1.0 + ratio) * s)
@@ -257,39 +258,13 @@ class MovingFrame:
         found = {}
         for body in {side.body for side in self._sides}:
             mine = [k for k, side in enumerate(self._sides) if side.body == body]
+            facet = min(float(self._sides[k].surface.facet_sizes.min()) for k in mine)
             s = moved[mine].mean(axis=0)
-            facet = self.facet(body)
             size = np.hypot(*s)
             distance = np.hypot(*(moved[mine] - s).T).max()
             if ratio * size > HALF_FACET * facet and distance <= EQUATIONS.same_direction * size:
                 found[body] = s
         return found
-
-    def facet(self, body: int) -> float:
-        """Shortest facet of the surfaces of a body [length] (local)."""
-        return min(float(s.surface.facet_sizes.min()) for s in self._sides if s.body == body)
-
-    def slaves(self) -> list[tuple[int, Curve, int]]:
-        """Number of the pair, slave surface and body of each contact on one body (local)."""
-        return [(s.contact, s.surface, s.body) for s in self._sides if s.is_slave]
-
-    def dofs_of(self, body: int) -> Indices:
-        """Local dofs of the nodes of a body, shape (nodes, 2) (local)."""
-        return self._body(body).dofs
-
-    def carried(self, values: Array, body: int, s: Array) -> Array:
-        """A nodal field of a body, carried along by ``s`` (2,) [length] (collective).
-
-        Args:
-            values: The field at all local dofs, shape (local dofs,) [unit].
-            body: Number of the body.
-            s: The motion: the result at X is the field at X - s.
-
-        Returns:
-            Values at the local nodes of the body, nan where X - s is outside of it, (nodes, 2).
-        """
-        dofs, mesh = self._body(body)
-        return mesh.interpolate(values[dofs], mesh.X - s)
 
     def _body(self, number: int) -> _Body:
         """Local nodes and cells of a body (local)."""
@@ -539,7 +514,7 @@ def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int,
     bodies = e.floating.bodies
     contacts = [contact for contact in e.contacts if isinstance(contact, Contact)]
     rubs = any(contact.pair.law.has_friction for contact in contacts)
-    led = e.crossings.led_motions() if bodies and rubs else None
+    led = e.crossings.led.carried_from_here() if bodies and rubs else None
     if led is None or not (led.turn.any() or _moves(contacts, led)):
         return motions
     rates, given = zip(*(_at_contact(e, contact, led) for contact in contacts), strict=True)

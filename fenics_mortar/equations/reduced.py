@@ -23,6 +23,7 @@ Choice between all equations and those reduced to the contact dofs of a linear b
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
@@ -33,7 +34,12 @@ from scipy.sparse import coo_array
 from fenics_mortar.bulk.bodies import find_floating_bodies
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.linearized import ContactMatrices, ReducedTangent, solve_dense
+from fenics_mortar.equations.linearized import (
+    ContactMatrices,
+    ReducedTangent,
+    on_first_rank,
+    solve_dense,
+)
 from fenics_mortar.la.compliance import Compliance, ContactDofs
 from fenics_mortar.la.options import COMPLIANCE, costs_of
 from fenics_mortar.la.sparse import flatten, is_symmetric
@@ -84,7 +90,7 @@ class ReducedEquations:
             pair_rows = [contact.rows.linearized() for contact in self._general.contacts]
             matrices = self._assemble(pair_rows)
         with clock("solve"):
-            step, zeta, self._force = self._solve(without_contact, pair_rows, matrices)
+            step, self._force, zeta = self._solve(without_contact, pair_rows, matrices)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[prescribed] = change
@@ -181,22 +187,17 @@ class ReducedEquations:
     def _solve(
         self, d: Array, pair_rows: Sequence[Rows], matrices: ContactMatrices
     ) -> tuple[Array, Array, Array]:
-        """Step of the contact dofs, multipliers zeta (n,) and contact force (collective)."""
+        """Step of the contact dofs, contact force and multipliers zeta (n,) (collective)."""
         rhs, weight = np.empty((2, self._system.all_z_dofs))
         for (contact, z_dofs), own in zip(self._system.numbered(), pair_rows, strict=True):
             rhs[z_dofs], weight[z_dofs] = own.rhs, 1.0 / contact.stiffness[:, None]
-        solution = None
-        if self._comm.rank == 0:
-            solution = self._solve_dense(d, matrices, rhs, weight)
-        solution = self._comm.bcast(solution)
-        if solution is None:
-            raise MortarError("the reduced linear system is singular")
-        return solution
+        solve = partial(self._solve_dense, d, matrices, rhs, weight)
+        return on_first_rank(self._comm, solve)
 
     def _solve_dense(
         self, d: Array, matrices: ContactMatrices, rhs: Array, weight: Array
-    ) -> tuple[Array, Array, Array] | None:
-        """The solution on rank 0; ``None`` if the system is singular.
+    ) -> tuple[Array, Array, Array]:
+        """The solution, on rank 0.
 
         Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
         the law has neither displacements nor a right-hand side, its multiplier is zero.
@@ -204,11 +205,7 @@ class ReducedEquations:
         moved = self._system.with_others(np.concatenate([matrices.C.row, np.flatnonzero(rhs)]))
         some = np.concatenate([np.empty(0, np.int64), *(z_dofs.ravel() for z_dofs in moved)])
         some = np.intersect1d(some, matrices.B_T.col)
-        found = solve_dense(self._compliance.A, matrices, some, d, rhs, weight)
-        if found is None:
-            return None
-        step, force, zeta = found
-        return step, zeta, force
+        return solve_dense(self._compliance.A, matrices, some, d, rhs, weight)
 
     def tangent(self) -> ReducedTangent:
         """Solves with the tangent by the factors of the bulk."""

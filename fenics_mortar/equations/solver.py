@@ -49,7 +49,6 @@ from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
 from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodies
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.arcs import Carried
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.equations.reduced import ReducedEquations
     from fenics_mortar.la.system import LinearSystem
@@ -187,19 +186,19 @@ class Solver:
         commit(e.contacts, instants)
         e.bulk.history.accept(history)
         e.bulk.free_garbage()
-        places = e.motions.obstacle_places
+        places, at_start = e.motions.obstacle_places, e.crossings.accepted
         passages, possible = e.crossings.passages_of_step(places)
         certificate = self.certificate(
             drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
         )
-        turns = e.crossings.uncertain_turns(places, certificate.pairs_with("rotation"))
+        turns = e.crossings.led.messages(at_start, places, certificate.pairs_with("rotation"))
         certificate = replace(certificate, uncertain_turns=turns, unsupported=unsupported)
         report.certificate = certificate
         violations = certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
         judged = [*unsupported, *messages] if messages else certificate.remarks()
         reactions = e.motions.record()
-        begun = [*remarks, *self._describe_starts(), *e.crossings.taken_turns()]
+        begun = [*remarks, *self._describe_starts(), *e.crossings.led.taken(at_start)]
         report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
         if violations and not accept_violations:
             e.last_converged = False
@@ -246,15 +245,21 @@ class Solver:
         e.springs.remove_springs()
         if moved:
             self._accept_moved()
-        self._lead(e.crossings.carried() if self._may_be_led() else None)
+        self._lead(solved=False)
         e.idle.find(e.evaluate_forces)
         return moved
 
-    def _lead(self, carried: Carried | None) -> None:
-        """Count slip of nodes without force from where motions carry them, see ``arcs``."""
+    def _lead(self, *, solved: bool) -> None:
+        """Count slip of nodes without force from where motions carry them, see ``arcs``.
+
+        Args:
+            solved: Whether all bodies have moved; else those that are prescribed.
+        """
+        crossings, pairs = self._equations.crossings, self._may_be_led()
+        carried = crossings.led.carried(crossings.accepted, solved=solved) if pairs else None
         if carried is not None:
-            for pair in self._may_be_led():
-                pair.lead(self._equations.crossings.outline, carried)
+            for pair in pairs:
+                pair.lead(crossings.outline, carried)
 
     def _may_be_led(self) -> list[Contact]:
         """Pairs that depend on slip, and whose bodies may turn."""
@@ -272,13 +277,13 @@ class Solver:
             NotConvergedError: On all ranks, if slip still changes after the last of these solves.
         """
         e, pairs = self._equations, self._may_be_led()
-        change = 0.0
+        led, change = e.crossings.led, 0.0
         for number in range(LED_SOLVES + 1):
-            carried = e.crossings.carried(solved=True) if pairs else None
+            carried = led.carried(e.crossings.accepted, solved=True) if pairs else None
             if carried is None:
                 return report
             kept = [pair.partners for pair in pairs]
-            given = e.crossings.outline, carried, e.crossings.led.bodies
+            given = e.crossings.outline, carried, led.bodies
             change = agreed(e.comm, max(pair.lead_by_solution(*given) for pair in pairs))
             if change <= LED_CHANGE or number == LED_SOLVES:
                 for pair, partners in zip(pairs, kept, strict=True):
@@ -332,7 +337,7 @@ class Solver:
                 if motions:
                     turn(e, motions, followed=motions is not turns)
                 if len(motions) > len(turns):  # values tell no turns of others
-                    self._lead(e.crossings.carried(solved=True))
+                    self._lead(solved=True)
                 report = newton()
                 break
             except NotConvergedError as error:

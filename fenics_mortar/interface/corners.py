@@ -10,8 +10,10 @@ normals, at positive gaps, and the nodal gap could close only with an overlap.
 
 Therefore the normal at a corner is that of the facet that faces the nearest part of the master, and
 the other facet has no partner, as at the end of a surface. If the master is oblique to both facets,
-as below a wedge, the averaged normal is used. The choice among the three normals depends on the
-present positions only and is piecewise constant; derivatives are those of the chosen normal.
+as below a wedge, the averaged normal is used, and also where the corner turns by less at present:
+the master, dented below it, may face one facet or the other in turn, and neither choice has an
+equilibrium. The choice among the three normals depends on the present positions only and is
+piecewise constant; derivatives are those of the chosen normal.
 
 At sharp edges in space the same holds. The facets at a node of a sharp edge are divided into sides,
 within which the surface is smooth. The normal is the average over the side that faces the nearest
@@ -39,6 +41,9 @@ if TYPE_CHECKING:
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.
 TURN = np.pi / 3.0
+# Present turn of a corner [radian], 40 degrees, up to which the averaged normal is used. It is well
+# below ``TURN``: strains do not turn corners of hexagons by so much, and the choice is not theirs.
+BLUNT = TURN * 2.0 / 3.0
 # Master facets are equally near to a corner if their distances differ by less than this fraction of
 # the shorter facet at the corner [1]; their mean normal is used.
 EQUALLY_NEAR = 0.1
@@ -97,7 +102,7 @@ def choose_facets(
         _facing(x[j], n, radius[k], master if candidates is None else master[candidates[k]])
         for k, (j, n) in enumerate(zip(corners, normals[1], strict=True))
     ])  # fmt: skip
-    return np.argmax(np.einsum("ikc,kc->ik", normals, towards), axis=0) - 1
+    return _nearest(normals, 1, towards) - 1
 
 
 def _facing(point: Array, n: Array, radius: float, master: Array) -> Array:
@@ -139,6 +144,17 @@ def one_sided(
     taken = np.isin(first, corners[facets > 0]) | np.isin(last, corners[facets < 0])
     left = np.isin(first, corners[facets < 0]) | np.isin(last, corners[facets > 0])
     return (previous, following), left & ~taken
+
+
+def _nearest(normals: Array, middle: int, towards: Array) -> Indices:
+    """Which of the ``normals`` (s, k, dim) is nearest to ``towards`` (k, dim), shape (k,) (local).
+
+    The average, that of the number ``middle``, where the nearest is within half of ``BLUNT`` of it.
+    """
+    nearest = np.argmax(np.einsum("skc,kc->sk", normals, towards), axis=0)
+    chosen = normals[nearest, np.arange(nearest.size)]
+    is_blunt = np.einsum("kc,kc->k", chosen, normals[middle]) > np.cos(0.5 * BLUNT)
+    return np.where(is_blunt, middle, nearest)
 
 
 def _unit(vectors: Array) -> Array:
@@ -215,7 +231,7 @@ class SharpEdges:
         edges = np.minimum(*(np.linalg.norm(e[entries], axis=1) for e in (p, q)))
         np.minimum.at(shortest, k, edges)
         towards = _facing_faces(x[self.nodes], of_sides[:, -1], (master, m), shortest, largest)
-        chosen = np.argmax(np.einsum("ksc,kc->ks", of_sides, towards), axis=1)[k]
+        chosen = _nearest(of_sides.transpose(1, 0, 2), of_sides.shape[1] - 1, towards)[k]
         kept = (chosen == of_sides.shape[1] - 1) | (chosen == side)
         alone[facet[entries[~kept]]] = True
         alone[facet[entries[chosen == side]]] = False

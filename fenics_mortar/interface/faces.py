@@ -101,6 +101,16 @@ class Faces(Surface):
         """See ``Surface``; of corners of triangles with six nodes, those of linear functions."""
         return self.on_nodes(covers(self.shape_integrals))
 
+    @property
+    def nodal_areas(self) -> Array:
+        """See ``Surface``: ``full_cover``, which is positive, scaled to the area of each facet.
+
+        Those of a facet with nine nodes are 1, 4 and 16 of 36 parts of its area, with six nodes
+        equal parts.
+        """
+        parts, areas = covers(self.shape_integrals), self.shape_integrals.sum(axis=1)
+        return self.on_nodes(parts * (areas / parts.sum(axis=1))[:, None])
+
     @cached_property
     def weightless(self) -> Flags:
         """See ``Surface``: none, since corners without weight carry linear functions."""

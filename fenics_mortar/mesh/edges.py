@@ -247,12 +247,7 @@ def _seams(x: Array, ends: Indices, middle: Array) -> tuple[Indices, Indices]:
 
 
 def _are_sides_of_slit(
-    long: Indices,
-    short: Indices,
-    outline: Indices,
-    facets: Indices,
-    tags: Numbers,
-    num_points: int,
+    long: Indices, short: Indices, outline: Indices, facets: Indices, tags: Numbers, num_points: int
 ) -> Flags:
     """Whether edges (k, 2) of seams are those of boundaries of different names (local)."""
     of_facet = values_at(

@@ -532,8 +532,8 @@ def _parts(mesh: Any) -> tuple[int, _Part, _Part, int]:
     of_cells = {name for name in types if name in CELLS[dim]}
     lower = {d: {n for n in types if n.startswith(FAMILIES[d])} for d in range(dim)}
     if len(of_cells) != 1 or set(types) - of_cells - set().union(*lower.values()):
-        beside = "lines and vertices" if dim == 2 else "cells of lower dimension"
-        expected = f"cells of one of the types {', '.join(CELLS[dim])}, beside {beside}"
+        kinds = [*CELLS[2], *CELLS[3]] if dim == 2 else CELLS[3]
+        expected = f"cells of one of the types {', '.join(kinds)}, beside those of lower dimension"
         raise MeshError(f"the mesh of meshio has {sorted(set(types))}; expected {expected}")
     whole, sides = (
         _Part(mesh, d, [i for i, name in enumerate(types) if name in some], is_body=d == dim)

@@ -390,19 +390,20 @@ def check_vector(name: str, value: npt.ArrayLike, *dims: int) -> Array:
     return vector
 
 
-def check_direction(name: str, value: npt.ArrayLike) -> Array:
-    """The unit vector along a vector in space that is not zero, shape (3,) [1] (local).
+def check_direction(name: str, value: npt.ArrayLike, dim: int = 3) -> Array:
+    """The unit vector along a vector that is not zero, shape (dim,) [1] (local).
 
     Args:
         name: Name of the option.
         value: Its value, of any length.
+        dim: Number of its components.
 
     Raises:
         ValueError: For other values.
     """
-    vector = check_vector(name, value, 3)
+    vector = check_vector(name, value, dim)
     if not np.linalg.norm(vector) > 0.0:
-        raise ValueError(f"{name}={value!r}: expected a direction, not zero")
+        raise ValueError(f"{name} is zero; expected a direction")
     return np.asarray(vector / np.linalg.norm(vector))
 
 

@@ -187,10 +187,7 @@ class Plane(Obstacle):
         """Normalise the normal."""
         self._point = check_vector("point", point, 2, 3)
         super().__init__(name, self._point if pivot is None else pivot)
-        normal = check_vector("normal", normal, self.dim)
-        if not np.linalg.norm(normal) > 0.0:
-            raise ValueError("normal is zero: expected the outward normal of the solid")
-        self._normal = normal / np.linalg.norm(normal)
+        self._normal = check_direction("normal", normal, self.dim)
 
     def local(self, x: Array) -> Fields:
         """Distance to a straight line or a plane; see ``Obstacle.local``."""

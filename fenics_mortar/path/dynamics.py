@@ -384,9 +384,9 @@ class Dynamics:
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
-        density: Mass per area of the mesh [stress time^2 / length^2], a number or a UFL expression;
-            times a thickness or 2 pi R if the residual contains them. Steps raise an error if its
-            constants or functions have changed since.
+        density: Mass per volume [stress time^2 / length^2], a number or a UFL expression; in the
+            plane per area of the mesh, times a thickness or 2 pi R if the residual contains them.
+            Steps raise an error if its constants or functions have changed since.
         scheme: "conserving" (slave nodes without mass, no gain of energy in impacts, momentum and
             angular momentum exact), "massless" (without these corrections of the velocity) or
             "generalized_alpha" (all nodes have mass, and rates of prescribed motions are the

@@ -580,7 +580,7 @@ def _end_of_path(time: float, step: float, why: str, failure: NotConvergedError)
     """Message at the end of a path: time, step and reason."""
     if why:
         return f"the path ends at {time:.6g}: {why}. A step of {step:.1e} fails; {failure}"
-    hint = HINT + SOFT * ("inverted" in str(failure))
+    hint = HINT + SOFT * ("are inverted, one" in str(failure))
     return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {hint}"
 
 

@@ -468,18 +468,19 @@ class DrivenMotions(RigidMotions):
 
     # Springs, see ``proximal``
 
-    def anchor(self, elongation: float, stiffness: float) -> None:
+    def anchor(self, elongation: float, stiffness: float, share: float) -> None:
         """Anchor driven motions at their present values by springs (collective).
 
         Args:
             elongation: Elongation of the springs under the resultant on the obstacle, or under the
-                discretization error of its contact forces if larger [shortest facets].
+                ``share`` of the error of its contact forces if larger [shortest facets].
             stiffness: Stiffness of the bulk [stress].
+            share: See ``elongation`` [1].
         """
         count = len(self.obstacles)
         springs = anchored_stiffness(
             np.linalg.norm(self.residual()[:count], axis=1),
-            RIGID.negligible * self.contact_forces(),
+            share * RIGID.negligible * self.contact_forces(),
             elongation * self.shortest_facet(),
             np.asarray(stiffness),
         )

@@ -151,9 +151,10 @@ class BodySettling:
     ) -> Callable[[], str]:
         """Function that tells how a body that touches others begins to tip over or to slide.
 
-        A body tips over, or is pulled off, if limit analysis of the present state moves it at a
-        coefficient of friction ``ROUGH``. Others slide, in the direction in which loads accelerate
-        them without friction: the nearest one to the loads that no contact stops.
+        Without friction loads accelerate bodies in the nearest direction to the loads that no
+        contact stops. A body that leaves all nodes by it is pulled off. Others tip over if limit
+        analysis of the present state moves them at a coefficient of friction ``ROUGH``, or slide in
+        that direction.
 
         Args:
             label: Of the body.
@@ -174,19 +175,23 @@ class BodySettling:
         )
 
         def begins() -> str:
+            found, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
+            free = loads if found is None else found
+            least, slide = RIGID.resisted * np.abs(free).max(), self._of_bodies(free)[label]
+            if (slide @ closes).max() < -least:
+                return ""  # pulled off
             rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
             motion = self._of_bodies(unresisted_motion(loads, rough))[label]
             what = "tips over, which no friction can prevent"
             if np.abs(motion).max() <= RIGID.resisted:
-                free, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
-                motion = motion if free is None else self._of_bodies(free)[label]
-                if free is None or np.abs(motion).max() <= RIGID.resisted * np.abs(free).max():
+                motion = slide
+                if found is None or np.abs(motion).max() <= least:
                     return ""  # carried along by others
                 rubs = touching.slope.any() or touching.shear.any()
                 what = "friction is too small to hold it" if rubs else "no friction holds it"
                 what = f"slides, and {what}"
-            elif not may_tip or (motion @ closes).max() < -RIGID.resisted:
-                return ""  # pulled off
+            elif not may_tip:
+                return ""
             how = body.describe(motion, directed=True, poles=True)
             return f"{name} {what}: it begins to {how}. At last "
 
@@ -513,19 +518,19 @@ class FloatingBodies(BodyMotions):
 
     # Anchored springs, see ``proximal``
 
-    def anchor(self, total: Array, elongation: float, err: float) -> None:
+    def anchor(self, total: Array, elongation: float, share: float) -> None:
         """Anchor the bodies at their present positions by springs.
 
         Args:
             total: Sum of all forces, shape (owned dofs,) [stress length].
             elongation: Elongation of the springs under the resultant on the body, or under the
-                fraction ``err`` of its contact forces if larger [shortest facets].
-            err: See ``elongation`` [1].
+                ``share`` of the error of its contact forces if larger [shortest facets].
+            share: See ``elongation`` [1].
         """
         bodies, length = self.bodies, elongation * self.shortest_facet()
         stiffness = anchored_stiffness(
             np.array([np.linalg.norm(self.resultant(body, total)) for body in bodies]),
-            np.array([err * self.contact_force(body) for body in bodies]),
+            np.array([share * RIGID.normals_err * self.contact_force(body) for body in bodies]),
             length,
             np.array([body.stiffest for body in bodies]),
         )

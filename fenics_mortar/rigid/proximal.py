@@ -9,10 +9,10 @@ potential, and the method converges to a minimum. The last solve is without spri
 
 Contact forces on facets are not exactly conservative, since they act along averaged normals. The
 error may drive a rolling disk, which then has no equilibrium nearby. In this case weak springs
-remain, and a remark of the certificate states their force. A slight slope drives a body as well:
-springs become weaker as long as they carry a negligible force, so that it moves on to its
-equilibrium. Springs may not remain on a body whose nodes with friction all slide, since they would
-stop a steady slide.
+remain, and a remark of the certificate states their force, unless it is slight. A slight slope
+drives a body as well: springs become weaker as long as they may remain, so that it
+moves on to its equilibrium; where it finds none it stays. Springs may not remain on a body whose
+nodes with friction all slide, since they would stop a steady slide.
 
 Springs on bodies and obstacles: anchored springs of ``proximal``, and tangent springs.
 
@@ -137,18 +137,38 @@ class Carried(NamedTuple):
     how: str
 
 
+class Nearest(NamedTuple):
+    """The first state on a way where springs carry about the least, if this is negligible.
+
+    Attributes:
+        fraction: Largest force of springs over the contact force on a body [1].
+        state: ``None`` where no state is known; states that carry half of ``fraction`` are nearer.
+    """
+
+    fraction: float
+    state: Any
+
+
+NOWHERE = Nearest(RIGID.recovery * RIGID.negligible, None)
+
+
 class Remaining(NamedTuple):
     """Forces of anchored springs.
 
     Attributes:
         fraction: Largest force of springs over the contact force on a body or obstacle [1].
         sliding: Largest such force on bodies whose nodes with friction all slide [1].
-        message: A sentence with the names of all these bodies and obstacles.
+        message: A sentence with the names of the bodies and obstacles on which springs carry more
+            than a slight force; "" without one.
     """
 
     fraction: float
     sliding: float
     message: str
+
+    def may_remain(self, largest: float = RIGID.negligible) -> bool:
+        """Whether no force is above ``largest``, nor above a slight one on a body that slides."""
+        return self.fraction <= largest and self.sliding <= RIGID.slight
 
 
 def solve_with_springs(
@@ -168,25 +188,25 @@ def solve_with_springs(
         NotConvergedError: On all ranks, if the bodies do not come to rest.
     """
     begin, run = equations.state(), _OnSprings(equations, options, failed)
-    report, first, nearest = run.move(failed.report)
-    arrived, carried = equations.state(), equations.springs.remaining().fraction
+    report, first, nearest = run.move(failed.report, NOWHERE)
+    arrived, carried = equations.state(), equations.springs.remaining()
     try:
         return run.without(report)
     except NotConvergedError as error:
         report = error.report
-    if carried > RIGID.negligible:
-        equations.restore(arrived if carried < np.inf else begin)
-        aim = RIGID.elongation if carried < np.inf else first
+    slides = carried.fraction <= RIGID.negligible and not carried.may_remain()
+    if carried.fraction > RIGID.slight and not slides:
+        equations.restore(arrived if carried.fraction < np.inf else begin)
+        aim = RIGID.elongation if carried.fraction < np.inf else first
         try:
-            report, _, again = run.move(report, balanced=True, aim=aim)
-            arrived, carried = equations.state(), equations.springs.remaining().fraction
-            nearest = again or nearest
+            report, _, nearest = run.move(report, nearest, balanced=True, aim=aim)
+            arrived, carried = equations.state(), equations.springs.remaining()
             return run.without(report)
         except NotConvergedError as error:
             report = error.report
     repeats = RIGID.repeats
-    if carried > RIGID.negligible and nearest is not None:
-        arrived, repeats = nearest, 1  # they would carry more after further solves
+    if carried.fraction > RIGID.slight and nearest.state is not None:
+        arrived, repeats = nearest.state, 1  # no equilibrium was on the way
     equations.restore(arrived)
     again = NotConvergedError(failed.report.reason, report)
     return solve_with_weak_springs(equations, options, again, repeats=repeats)
@@ -226,7 +246,7 @@ def solve_with_weak_springs(
         else:
             raise NotConvergedError(f"{failed}; {reason}", report) from failed
     carried = equations.springs.remaining()
-    if carried.fraction > max_fraction or carried.sliding > RIGID.slight:
+    if not carried.may_remain(max_fraction):
         raise NotConvergedError(f"{failed}; {carried.message}", report) from failed
     return report
 
@@ -245,49 +265,53 @@ class _OnSprings:
         return then_solve(report, partial(solve, self.equations, self.options))
 
     def move(
-        self, report: NewtonReport, *, balanced: bool = False, aim: float = RIGID.elongation
-    ) -> tuple[NewtonReport, float, Any]:
+        self,
+        report: NewtonReport,
+        nearest: Nearest,
+        *,
+        balanced: bool = False,
+        aim: float = RIGID.elongation,
+    ) -> tuple[NewtonReport, float, Nearest]:
         """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
 
         Springs that carry negligible forces become weaker, down to the elongation ``aim`` by these
         forces: on a slight slope the first ones hold a body that slides on to its equilibrium.
 
-        If ``balanced``, also until their force does, with ever weaker springs. A round body on one
-        node hardly moves against the first ones, although they carry its moment, and has to roll
-        until the next node supports it, too. Solves after which no contact force acts on a body
-        have failed then: Newton's method has jumped. The first elongation is ``aim``.
+        If ``balanced``, also until their force is slight, with ever weaker ones. A round body on
+        one node hardly moves against the first ones, although they carry its moment, and has to
+        roll until the next node supports it, too. Solves after which no contact force acts on a
+        body have failed then: Newton's method has jumped. The first elongation is ``aim``.
 
         Bodies may not come to rest, such as a ball without friction, which the error of the contact
         forces turns for ever.
 
         Returns:
             The record of all iterations; the elongation of the first solve that did not fail: with
-            longer ones another pass from the same state would fail, too; the state where forces of
-            springs are negligible and least, ``None`` without one.
+            longer ones another pass from the same state would fail, too; where they carry least.
         """
         # the last solve, without springs, uses the user's tolerance
         tolerance = max(SOLVED, self.options.residual_tolerance)
         rough = replace(self, options=replace(self.options, residual_tolerance=tolerance))
         springs, failures, first = self.equations.springs, 0, None
-        least, nearest, err = RIGID.negligible, None, RIGID.normals_err
+        share = 1.0
         for _ in range(RIGID.max_solves):
-            report, reason = rough.anchored(report, aim, touched=balanced, err=err)
+            report, reason = rough.anchored(report, aim, touched=balanced, share=share)
             if reason:
                 aim, failures = aim / RIGID.recovery**3, failures + 1
-                err = RIGID.normals_err
+                share = 1.0
                 if failures == RIGID.max_failures:
                     raise NotConvergedError(self.failed.report.reason, report)
                 continue
             first = first or aim
             rests = springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
-            carried = springs.remaining().fraction
-            if rests and not (balanced and carried > RIGID.negligible):
+            carried = springs.remaining()
+            if rests and not (balanced and carried.fraction > RIGID.slight):
                 break
-            if carried <= least:
-                least, nearest = carried, self.equations.state()
+            if carried.fraction <= nearest.fraction / RIGID.recovery:
+                nearest = Nearest(carried.fraction, self.equations.state())
             aim, failures = RIGID.recovery * aim, 0
             aim = aim if rests else min(aim, RIGID.elongation)
-            err = err / RIGID.recovery if carried <= RIGID.negligible else RIGID.normals_err
+            share = share / RIGID.recovery if carried.may_remain() else 1.0
         return report, first or aim, nearest
 
     def anchored(
@@ -296,21 +320,21 @@ class _OnSprings:
         aim: float,
         *,
         touched: bool,
-        err: float = RIGID.normals_err,
+        share: float = 1.0,
     ) -> tuple[NewtonReport, str]:
         """One solve with springs; a failure restores the state.
 
         Args:
             report: Record of the iterations before.
             aim: Elongation of the springs [shortest facets].
-            err: Smallest force over the contact force that has this elongation [1].
+            share: Share of the error of contact forces that has this elongation at least [1].
             touched: Whether contact acts on all bodies; if not after the solve, it has failed.
 
         Returns:
             The record of all iterations, and the reason of a failure, "" without one.
         """
         equations, start = self.equations, self.equations.state()
-        equations.springs.anchor(aim, err)
+        equations.springs.anchor(aim, share)
         try:
             report = then_solve(report, partial(solve, equations, self.options))
             carried = equations.springs.remaining()

@@ -384,10 +384,7 @@ class BoundSpreadLoad:
         dw = self._per_moment @ (L - N)
         by_t = np.einsum("ij,kia->kja", dw, around) + around @ W.T
         columns, rows = np.zeros((2, count, system.bulk.num_owned + system.num_z_dofs))
-        for target, fields in (
-            (columns, (-by_t, self._g)),
-            (rows, (self._g, around @ W)),
-        ):
+        for target, fields in ((columns, (-by_t, self._g)), (rows, (self._g, around @ W))):
             nodal = np.concatenate(fields, axis=1)
             for number in range(count):
                 self._surface.scatter_add(nodal[:, number], target[number])

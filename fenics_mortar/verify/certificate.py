@@ -117,7 +117,8 @@ class Certificate(Markdown):
         inverted: Number of cells inverted at a point where a form with finite strains is evaluated.
         springs: Largest sum of the forces of springs on a body over the contact force on it [1];
             zero without springs.
-        held: Which bodies springs hold, and the motions that they prevent, as a message.
+        held: Which bodies springs hold, and the motions that they prevent, as a message; "" for
+            none.
         drift: From the report of a solve: sliding distance of an obstacle driven by forces over its
             contact width [1], common to all its nodes and beyond the prescribed motion. The state
             is in equilibrium, but may not be reached by a path of equilibria.

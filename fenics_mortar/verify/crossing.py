@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -35,16 +34,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_mortar.bulk.bodies import label_bodies
-from fenics_mortar.contact.arcs import LEADS, Carried
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import extract_hull, extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Flags, Indices, Value, norms
+from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import LedBodies, RigidPath, StepEnds, motion_of
+from fenics_mortar.verify.node_paths import AcceptedPositions, LedBodies, RigidPath, StepEnds
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,
@@ -69,22 +66,6 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.rigid.floating import FloatingBodies
-
-
-@dataclass(frozen=True)
-class AcceptedPositions(Value):
-    """Positions of outlines and obstacles at the last accepted state (local).
-
-    Attributes:
-        x: Positions of the outlines' nodes, shape (n, 2) [length].
-        places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
-            radian].
-        leaders: Those of the rigid boundaries that lead bodies, shape (leaders, 3) [as places].
-    """
-
-    x: Array
-    places: Array
-    leaders: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 class Crossings:
@@ -123,10 +104,9 @@ class Crossings:
         self._prescribed = (self._free == 0.0).all(axis=1)
         name_of_body = partial(floating.name_of, labels=self._labels)
         self._names = OutlineNames(self.outline, contacts, name_of_body)
-        self._leaders = {b: m for b, m in floating.leaders.items() if b in self.outline.bodies}
         self.led = LedBodies(bulk, contacts, floating, self.outline)
         self._prepare()
-        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self._led())
+        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self.led.places)
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
 
@@ -287,13 +267,8 @@ class Crossings:
         Args:
             places: Positions of the obstacles, shape (obstacles, 3).
         """
-        self.accepted = AcceptedPositions(self._positions(), places.copy(), self._led())
+        self.accepted = AcceptedPositions(self._positions(), places.copy(), self.led.places)
         self._left, self._restored = self.accepted.x, None
-
-    def _led(self) -> Array:
-        """Places of the rigid boundaries that lead bodies, shape (leaders, 3) (local)."""
-        places = [motion.place for motion in self._leaders.values()]
-        return np.reshape(places, (len(places), len(places[0]) if places else 3))
 
     def restore(self, accepted: AcceptedPositions, u: Array) -> None:
         """Restore the start of a step at the displacement ``u``, shape (local dofs,) [length]."""
@@ -314,34 +289,6 @@ class Crossings:
         if (self._free * (self._left - self._positions())).any():
             self.accept(places)
 
-    def carried(self, *, solved: bool = False) -> Carried | None:
-        """The outlines' nodes after the motions that lead bodies in this step; see ``arcs``.
-
-        After those of all bodies to the present state if it is ``solved``. ``None`` if no body is
-        led to turn by more than ``LEADS``.
-        """
-        if not (solved or self.led.may_turn):
-            return None
-        x1 = self._positions() if solved else self._prescribed_positions()
-        found = self.led.carried(self.accepted.x, x1, self._leading(), solved=solved)
-        leads = np.nan_to_num(norms(found.turn)).max(initial=0.0) > LEADS
-        return found if leads else None
-
-    def led_motions(self) -> Carried:
-        """The outlines' nodes after motions from where they are to prescribed values."""
-        return self.led.carried(self._positions(), self._prescribed_positions(), {})
-
-    def _prescribed_positions(self) -> Array:
-        """Positions of the outlines' nodes, of prescribed ones by their values."""
-        values = self._bulk.values.copy()
-        compat.set_prescribed(values, self._bulk.bcs)
-        return self.outline.positions(values)
-
-    def _leading(self) -> dict[int, RigidPath]:
-        """Motions of the rigid boundaries in this step, by the bodies that they lead."""
-        led = zip(self._leaders.items(), self.accepted.leaders, self._led(), strict=True)
-        return {body: motion_of(leader, *ends) for (body, leader), *ends in led}
-
     def passages(self, places: Array) -> list[str]:
         """Messages on passages through bodies and obstacles since the accepted state.
 
@@ -358,27 +305,13 @@ class Crossings:
         Args:
             places: Present positions of the obstacles, shape (obstacles, 3).
         """
-        return self.in_step.find(self._ends(places, self._leading()), self._allowed)
+        return self.in_step.find(self._ends(places, self.led.leading(self.accepted)), self._allowed)
 
     def _ends(self, places: Array, known: dict[int, RigidPath]) -> StepEnds:
         """Both ends of the step, with the obstacles at ``places`` now."""
         x0, x1, before = self.accepted.x, self._positions(), self.accepted.places
         doubtful = self.led.parts(self.led.doubtful(x0, x1))
         return StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
-
-    def taken_turns(self) -> list[str]:
-        """Notes on small turns by values, see ``LedBodies.taken``."""
-        return self.led.taken(self.accepted.x, self._positions())
-
-    def uncertain_turns(self, places: Array, told: Collection[int]) -> list[str]:
-        """Messages on bodies that turned by an angle that positions do not tell; see ``LedBodies``.
-
-        Args:
-            places: Present positions of the obstacles, shape (obstacles, 3).
-            told: Numbers of pairs of which the turns at nodes are told.
-        """
-        moved = not np.array_equal(self.accepted.places, places)
-        return self.led.messages(self.accepted.x, self._positions(), moved=moved, told=told)
 
 
 # Two bodies that overlap, ascending.
@@ -541,7 +474,7 @@ class SpaceCrossings(Crossings):
     def _known(self) -> dict[int, RigidPath]:
         """Motions of bodies by rigid boundaries that their prescribed nodes followed."""
         (x0, x1), found = (self.accepted.x, self._positions()), dict[int, RigidPath]()
-        for body, motion in self._leading().items():
+        for body, motion in self.led.leading(self.accepted).items():
             mine = self._prescribed & (self.outline.bodies == body)
             apart = motion.carry(x0[mine], 1.0) - x1[mine]
             size = float(np.abs(x0[mine] - motion.start).max(initial=0.0))

@@ -26,7 +26,7 @@ evaluated within each step as well: see ``path.stepping``.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -34,11 +34,19 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.arcs import Carried, rotated_by
+from fenics_mortar.contact.arcs import LEADS, Carried, rotated_by
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.rigid_motion import TURNS, polar_rotation, rotation_by, vector_of
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, cross_in_plane, norms
+from fenics_mortar.utils.arrays import (
+    ROUNDING,
+    SMALL_ANGLE,
+    TINY,
+    Array,
+    Value,
+    cross_in_plane,
+    norms,
+)
 from fenics_mortar.verify.finding import LIMITS
 
 if TYPE_CHECKING:
@@ -70,6 +78,22 @@ OTHERWISE = (
 Turns = dict[int, Array]
 
 
+@dataclass(frozen=True)
+class AcceptedPositions(Value):
+    """Positions of outlines and obstacles at the last accepted state (local).
+
+    Attributes:
+        x: Positions of the outlines' nodes, shape (n, 2) [length].
+        places: Places (x, y, angle) of the obstacles, shape (obstacles, 3) [length, length,
+            radian].
+        leaders: Those of the rigid boundaries that lead bodies, shape (leaders, 3) [as places].
+    """
+
+    x: Array
+    places: Array
+    leaders: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
 class LedBodies:
     """Bodies with prescribed nodes and their turns.
 
@@ -96,6 +120,8 @@ class LedBodies:
         outline: Outline | Hull,
     ) -> None:
         self._bulk, self._contacts, self._floating = bulk, contacts, floating
+        self._outline = outline
+        self._leaders = {b: m for b, m in floating.leaders.items() if b in outline.bodies}
         labels = outline.gather(bulk.space.spread(floating.labels))
         self.bodies = labels[:, 0].astype(np.int64)
         self._parts = outline.bodies
@@ -145,7 +171,44 @@ class LedBodies:
         found = (turn_of(x0[at], x1[at], stretched) for at in marks)
         return dict(zip(bodies, found, strict=True))
 
-    def carried(
+    @property
+    def places(self) -> Array:
+        """Places of the rigid boundaries that lead bodies, (leaders, 3) [length, radian]."""
+        places = [motion.place for motion in self._leaders.values()]
+        return np.reshape(places, (len(places), len(places[0]) if places else 3))
+
+    def leading(self, accepted: AcceptedPositions) -> dict[int, RigidPath]:
+        """Motions of the rigid boundaries in a step, by the bodies that they lead."""
+        led = zip(self._leaders.items(), accepted.leaders, self.places, strict=True)
+        return {body: motion_of(leader, *ends) for (body, leader), *ends in led}
+
+    def _positions(self) -> Array:
+        return self._outline.positions(self._bulk.u.x.array)
+
+    def _prescribed_positions(self) -> Array:
+        """Positions of the outlines' nodes, of prescribed ones by their values."""
+        values = self._bulk.values.copy()
+        compat.set_prescribed(values, self._bulk.bcs)
+        return self._outline.positions(values)
+
+    def carried(self, accepted: AcceptedPositions, *, solved: bool = False) -> Carried | None:
+        """The outlines' nodes after the motions that lead bodies in this step; see ``arcs``.
+
+        After those of all bodies to the present state if it is ``solved``. ``None`` if no body is
+        led to turn by more than ``LEADS``.
+        """
+        if not (solved or self.may_turn):
+            return None
+        x1 = self._positions() if solved else self._prescribed_positions()
+        found = self._carried(accepted.x, x1, self.leading(accepted), solved=solved)
+        leads = np.nan_to_num(norms(found.turn)).max(initial=0.0) > LEADS
+        return found if leads else None
+
+    def carried_from_here(self) -> Carried:
+        """The outlines' nodes after motions from where they are to prescribed values."""
+        return self._carried(self._positions(), self._prescribed_positions(), {})
+
+    def _carried(
         self, x0: Array, x1: Array, known: Mapping[int, RigidPath], *, solved: bool = False
     ) -> Carried:
         """Nodes carried along by the motions that lead their bodies between two positions.
@@ -198,11 +261,12 @@ class LedBodies:
             if body in self._names and np.linalg.norm(turn) > least
         }
 
-    def taken(self, x0: Array, x1: Array) -> list[str]:
+    def taken(self, accepted: AcceptedPositions) -> list[str]:
         """Notes on smaller turns by values, the first time and when their sense changes (local).
 
         With friction or wear only; see ``messages``.
         """
+        x0, x1 = accepted.x, self._positions()
         pairs = zip(self._contacts, self._of_pairs, strict=True)
         of_pairs = sorted(set().union(*(sides for c, sides in pairs if _rubs(c))))
         turns, notes = self.doubtful(x0, x1, ROUNDING) if of_pairs else {}, list[str]()
@@ -226,18 +290,19 @@ class LedBodies:
         return frozenset(self._parts[np.isin(self.bodies, list(bodies))].tolist())
 
     def messages(
-        self, x0: Array, x1: Array, *, moved: bool, told: Collection[int] = ()
+        self, accepted: AcceptedPositions, places: Array, told: Collection[int] = ()
     ) -> list[str]:
         """Message on turns up to which slip is uncertain, or on a step in which nothing moved.
 
         Collective. With friction or wear only; none if the loads were examined.
 
         Args:
-            x0: Positions of the nodes of the outlines at the start of the step, (n, d) [length].
-            x1: Those at its end.
-            moved: Whether obstacles moved.
+            accepted: Positions at the start of the step.
+            places: Present positions of the obstacles, shape (obstacles, 3).
             told: Numbers of pairs of which the turns at nodes are told.
         """
+        x0, x1 = accepted.x, self._positions()
+        moved = not np.array_equal(accepted.places, places)
         pairs = enumerate(zip(self._contacts, self._of_pairs, strict=True))
         rubs = [sides for number, (c, sides) in pairs if _rubs(c) and number not in told]
         of_pairs = sorted(set().union(*rubs))

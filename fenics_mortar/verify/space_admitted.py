@@ -259,7 +259,7 @@ ACROSS = "; this is more than half the thickness of the body there: refine the s
 
 def remark_of(kind: Kind) -> float:
     """Depth of an overlap above which there is a remark [facet sizes] (local)."""
-    return LIMITS.coarse_unloaded if kind == Kind.UNLOADED else LIMITS.coarse_penetration
+    return LIMITS.coarse_penetration if kind == Kind.PAIRED else LIMITS.coarse_unloaded
 
 
 class SpaceAdmitted:

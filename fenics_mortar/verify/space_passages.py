@@ -426,13 +426,17 @@ class SpaceObstacle:
             offset[there] = contact.now.offset
         return offset
 
-    def points(self, x: Array) -> Array:
-        """Points of the obstacle that may be inside a body with nodes at ``x``, (k, 3) [length]."""
+    def points(self, x: Array, passed: Array | None = None) -> Array:
+        """Points of the obstacle that may be inside a body with nodes at ``x``, (k, 3) [length].
+
+        In a step salient ones are beside places that nodes ``passed`` (p, 3) [length], as seen from
+        the obstacle.
+        """
         sides = self.hull.segments[self.counted[self.hull.segments].all(axis=1)]
         at = np.concatenate([x[self.counted], self._points_near(x[sides])[0].reshape(-1, 3)])
         phi, gradient, _ = self._evaluate(at)
         nearest = at - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
-        own = self.obstacle.to_own_frame(x[self.counted])
+        own = self.obstacle.to_own_frame(x[self.counted] if passed is None else passed)
         salient = self.obstacle.to_space(self.obstacle.salient_points_near(own))
         return np.concatenate([nearest, salient])
 
@@ -638,7 +642,8 @@ class SpaceObstacles:
     ) -> Iterator[str]:
         """Messages on points of an obstacle that went through bodies."""
         motion = paths.motions[each.label]
-        begin = motion.back(each.points(paths.along[-1]), 1.0)
+        beside = paths.seen_from(each.label)[:, each.counted].reshape(-1, 3)
+        begin = motion.back(each.points(paths.along[-1], motion.carry(beside, 1.0)), 1.0)
         for body in each.bodies.tolist():
             of_points = paths.seen_from(body, paths.carried(motion, begin))
             along = np.concatenate([paths.seen_from(body), of_points], axis=1)

@@ -142,7 +142,7 @@ def test_tyres_that_turn_together_do_not_slip():
         hub.move(x=pivot[0], y=pivot[1], angle=place[2] + 1.0)
     e = problem.equations
     contact.start_step()
-    carried_nodes = e.crossings.carried()
+    carried_nodes = e.crossings.led.carried(e.crossings.accepted)
     contact.lead(e.crossings.outline, carried_nodes)
     led = contact.partners.led
     assert led.new.any() and not led.new.all()

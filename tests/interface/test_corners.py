@@ -62,6 +62,20 @@ def test_the_nearest_of_three_normals_is_taken(degrees, facet):
     assert not alone.any()
 
 
+@pytest.mark.parametrize("degrees, facet", [(34, 0), (39, 0), (41, 1), (62, 1)])
+def test_a_corner_that_is_pressed_blunt_takes_the_average(degrees, facet):
+    """Whichever facet the master, dented below the corner, happens to face."""
+    c = arms("right").contact
+    j = np.flatnonzero(np.isclose(c.slave.X, (-0.3, 0.0)).all(axis=1))
+    x, half = c.operators.x.copy(), np.radians(degrees / 2)
+    x[c.slave.previous[j]] = x[j] + 0.01 * np.array([-np.cos(half), np.sin(half)])
+    x[c.slave.following[j]] = x[j] + 0.01 * np.array([np.cos(half), np.sin(half)])
+    slope = 0.6 * half
+    along = np.array([np.cos(slope), np.sin(slope)])
+    below = x[j][0] - [0.0, 1e-4]
+    assert choose_facets(c.slave, j, x, np.array([[below + along, below - along]]))[0] == facet
+
+
 def test_a_facet_between_corners_keeps_its_partner_if_one_of_them_takes_its_normal():
     """The end of a bar of one cell: each corner by itself, and both."""
     bar = whole("bar", block(5, 1, width=1.0, height=0.1, corner=(0.0, 0.0)))

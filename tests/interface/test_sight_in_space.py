@@ -203,6 +203,18 @@ def test_bodies_without_an_end_are_not_hidden():
     assert not is_hidden(start, up, 0.3, behind(shape, 0, 1), (0, 0), (LEAST, LEAST))
 
 
+@pytest.mark.parametrize("own", [1.0, 0.1])
+def test_bodies_that_end_within_a_bulge_are_thin(own):
+    """Beside an edge a line is in a body for less than its curved facets are off their triangles.
+
+    Else all that is far behind would be a partner there.
+    """
+    start, up, bulges = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 1.0]), (0.2, 0.2)
+    shape = shape_of(((0, 0, -own), (1, 1, 0), 0), ((0, 0, -2.05), (1, 1, -2), 1))
+    assert is_hidden(start, up, 2.05, behind(shape, 0, 1), (0, 0), bulges)
+    assert not is_hidden(start, up, 0.05, behind(shape, 0, 1), (0, 0), bulges)
+
+
 def test_parts_of_one_body_are_told_by_their_order():
     start, up = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 1.0])
     for depth, hidden in ((0.2, False), (1.0, True)):
@@ -241,8 +253,8 @@ def test_edges_of_a_cube_take_the_normal_of_the_side_that_faces_the_plate(cell, 
     assert np.isclose(slave.X[o.segments.slave][..., 2], 0.1).all()
 
 
-def test_sides_at_the_apex_of_a_pyramid_of_many_facets():
-    """Each of the four sides has a hundred facets at the apex."""
+def pyramid():
+    """A pyramid whose four sides have a hundred facets each at the apex, and a plate."""
     s, one = np.linspace(-1.0, 1.0, 101)[:-1], np.ones(100)
     ring = np.concatenate([np.stack(c, axis=1) for c in (
         (s, -one), (one, s), (-s, one), (-one, -s))])  # fmt: skip
@@ -250,10 +262,25 @@ def test_sides_at_the_apex_of_a_pyramid_of_many_facets():
     X = np.concatenate([[[0.0, 0.0, 3.0]], np.column_stack([ring, np.zeros(400)])])
     k = 1 + np.arange(400)
     facets = np.stack([np.zeros(400, np.int64), k, np.roll(k, -1)], axis=1)
-    pyramid = replace(contact.slave, X=X, facets=facets, nodes=np.arange(401))
-    edges = pyramid.sharp_edges
-    sides = edges.sides[: pyramid.around[0][1]]
-    assert 0 in edges.nodes and sorted(np.bincount(sides)) == [100] * 4
+    return replace(contact.slave, X=X, facets=facets, nodes=np.arange(401)), contact.master
+
+
+def test_sides_at_the_apex_of_a_pyramid_of_many_facets():
+    slave, _ = pyramid()
+    sides = slave.sharp_edges.sides[: slave.around[0][1]]
+    assert 0 in slave.sharp_edges.nodes and sorted(np.bincount(sides)) == [100] * 4
+
+
+@pytest.mark.parametrize(("degrees", "left"), [(17.0, 400), (19.0, 400), (31.0, 100)])
+def test_the_apex_of_a_pyramid_that_is_pressed_blunt_takes_the_average(degrees, left):
+    """Its sides, on a plate that is nearer to one of them than to the average, keep partners."""
+    slave, plate = pyramid()
+    angle = np.radians(degrees)
+    x = slave.X * [1.0, 1.0, np.tan(angle) / 3.0] @ turn([1.0, 0.0, 0.0], 180.0).T
+    x[:, 2] += 1e-4 - x[0, 2]
+    m = plate.X @ turn([0.0, 1.0, 0.0], 0.6 * degrees).T
+    (starts, _, _), alone = slave.sharp_edges.choose(x, plate, m, 1.0)
+    assert starts[1] == left and (alone.sum() == 0) == (left == 400)
 
 
 def test_flat_and_round_surfaces_have_no_sharp_edges():

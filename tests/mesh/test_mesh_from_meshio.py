@@ -348,3 +348,13 @@ def test_errors_say_what_there_is():
     with refused(fm.MeshError, "rank 9 should give the mesh"):
         fm.mesh_from_meshio(None, comm=COMM, rank=9)
     assert fm.mesh_from_meshio(on_rank_0(overlap), bodies=["all"], comm=COMM).bodies == {"all": 1}
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("beside", [[], [("triangle", [[0, 1, 2]])], [("tetra", [[0, 1, 2, 3]])]])
+def test_prisms_are_refused_with_the_types_of_solids(beside):
+    """Also where the file has their triangles, which are not taken for the cells."""
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]]
+    mesh = meshio.Mesh(np.array(points, float), [("wedge", [[0, 1, 2, 3, 4, 5]]), *beside])
+    with pytest.raises(fm.MeshError, match=r"'wedge'\]; expected .* tetra, .*hexahedron27"):
+        fm.mesh_from_meshio(mesh)

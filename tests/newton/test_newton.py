@@ -202,7 +202,7 @@ class Springs:
     def restore(self, state):
         pass
 
-    def anchor(self, elongation):
+    def anchor(self, elongation, share):
         pass
 
     def remove_springs(self):

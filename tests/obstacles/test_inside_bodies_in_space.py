@@ -161,6 +161,19 @@ def test_large_ball_between_nodes_of_linear_multipliers_tells_the_quadratic_ones
     assert any(told in remark for remark in problem.solve().certificate.remarks())
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_other_weights_are_advised_beside_an_edge_where_they_are_positive(order):
+    """Standard functions of nine nodes have negative parts, as the dual ones have."""
+    a, counts = 0.3, {1: (3, 3, 3), 2: (1, 1, 1)}[order]
+    shape = fm.Polygon([(-a, 0.0), (a, 0.0), (a, 2.0), (-a, 2.0)], rounding=0.01 * a)
+    punch = fm.Revolved(shape, origin=(0.52, 0.47, 1.0))
+    problem = scene_with(punch, order=order, counts=counts)
+    punch.move(z=-0.02)
+    remarks = problem.solve().certificate.remarks()
+    (remark,) = [text for text in remarks if "facets reach beyond an edge" in text]
+    assert ("gap_weights='standard'" in remark) == (order == 1)
+
+
 def test_nodes_that_are_loaded_far_from_a_small_ball_are_refused():
     """Its depth is a third of its radius, a fifth of the facets: the force has any direction."""
     scene = space_scenes.solid("tetrahedron", order=2, **{**CUBE, "counts": (1, 1, 1)})

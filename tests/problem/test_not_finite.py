@@ -218,5 +218,6 @@ def test_iteration_with_folded_facets_fails(monkeypatch):
 
     equations.evaluate(start=True)
     monkeypatch.setattr(Contact, "evaluate", fold)
-    with refused(NotFiniteError, f"facets of '{contact.slave.name}' are folded at"):
+    names = f"'{contact.slave.name}', or of '{contact.master.name}' opposite,"
+    with refused(NotFiniteError, f"facets of {names} are folded at"):
         equations.evaluate(start=False)

@@ -27,8 +27,8 @@ from fenics_mortar.newton.loop import Iteration
 from fenics_mortar.path.report import Energies, PathStep, TimeStep, Work
 from fenics_mortar.sensitivity.gradient import Gradient, TangentLinear
 from fenics_mortar.sensitivity.objective import Kink, RecordedStep
-from fenics_mortar.verify.crossing import AcceptedPositions
 from fenics_mortar.verify.finding import Crossing, Finding
+from fenics_mortar.verify.node_paths import AcceptedPositions
 from fenics_mortar.verify.tangent import OperatorMatrices
 
 RESULTS = (

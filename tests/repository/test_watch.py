@@ -60,6 +60,7 @@ RUNS = {
 @pytest.fixture
 def start(tmp_path):
     """Start the tests under watch; their number of processes, and command, in a new folder."""
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")  # no folder above is that of the tests
     (tmp_path / "conftest.py").write_text(SETTINGS)
     (tmp_path / "test_it.py").write_text(TEST)
     started = []

@@ -264,7 +264,7 @@ def test_an_idle_body_does_not_stay_pressed_on_its_spring():
     idle._first = set()
     equations.springs.anchor(0.25)
     solve(equations, equations.newton)
-    carried = {name: fraction for name, fraction, _ in equations.springs.fractions()}
+    carried = {each.name: each.fraction for each in floating.carried_by_springs()}
     assert carried["body 'idle0'"] == 0.0
     assert not any(contact.z.any() for contact in pairs_of(scene, "idle0"))
 

@@ -247,7 +247,7 @@ def test_springs_have_the_derivative_of_their_forces():
     lid = KINDS["plane"]()
     motions = block_under(lid).problem.equations.motions
     lid.push(x=0.0, y=0.0, z=-0.2, moment=(0.0, 0.0, 0.0))
-    motions.anchor(0.25, 1.0)
+    motions.anchor(0.25, 1.0, 1.0)
     motions.move(np.array([(0.1, -0.2, 0.1, 0.5, 0.3, -0.4)]))
     places, found, h = motions.places, np.empty((6, 6)), 1e-5
     for i, motion in enumerate(np.eye(6)):

@@ -232,6 +232,28 @@ def test_extruded_plane_scenes_have_the_plane_solution(sliding, degree, law, ang
     assert np.abs(contact.pressure[front] - pressure[back]).max() < 1e-8 * YOUNG
 
 
+def test_nodes_of_facets_with_nine_nodes_have_one_foundation_and_slide_where_they_close():
+    """Stiffness over the force of a unit pressure: in the rows across, all three nodes are alike.
+
+    With equal parts of the facet as areas a corner has a quarter of the foundation, sticks where it
+    closes behind its neighbour that slides, is pulled off, and closes again.
+    """
+    sizes = (0.9, 0.3, 0.5), (1.3, 0.3, 0.5)
+    counts = {"upper": (2, 1, 1), "lower": (3, 1, 1)}
+    scene = stack("hexahedron", 2, sizes=sizes, offset=(0.15, 0.0, 0.0), jiggle=0.0, **counts)
+    for side in ("upper/front", "upper/back", "lower/front", "lower/back"):
+        scene.roll(side, 1)
+    scene.press().set_up(fm.Tresca(0.02 * YOUNG), newton=SOLVED, pair={"sliding": "small"})
+    counted = [
+        scene.move(*place).num_iterations for place in ((0.0, 0.0, -0.02), (0.1, 0.0, -0.03))
+    ]
+    assert max(counted) <= 8
+    (contact,) = scene.problem.equations.contacts
+    rows = np.unique(np.round(contact.slave.X[:, 0], 6), return_inverse=True)[1].ravel()
+    for row in range(rows.max() + 1):
+        assert np.ptp(contact.pressure[rows == row]) < 1e-9 * contact.pressure.max()
+
+
 # Symmetry planes
 
 

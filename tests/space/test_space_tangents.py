@@ -85,7 +85,9 @@ def test_derivatives_of_a_bond_that_slides_back_are_those_of_a_solution():
     scene = slid(LAWS["cohesive in shear"], motion=(0.06, 0.03, -0.055))
     scene.move(0.055, 0.032, -0.055)
     scene.problem.equations.linearization = EXACT
-    assert_exact(scene)
+    # with less than the distance of a kink
+    found = slopes(scene, steps=1e-4 * 0.5 ** np.arange(6))
+    assert found["whole"] == pytest.approx(2.0, abs=0.1)
 
 
 def hanging_over(law, cell, degree, roles, **options):

@@ -203,6 +203,23 @@ def test_rods_that_crossed_without_a_node_within_the_other():
 
 
 @pytest.mark.once
+@pytest.mark.parametrize("climb", [0.0, 3.0])
+def test_a_bar_that_a_rod_passed_on_its_way_along_it(climb):
+    """Nodes of the rod pass beside the bar, and the rod ends beside another part of it."""
+    corners = [(-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05)]
+    bar = fm.Extruded(fm.Polygon(corners, 1e-3), name="bar")
+    rod = Box("rod", block((3, 1, 1), size=(1.2, 0.2, 0.2), corner=(-0.6, -1.0, 0.0)))
+    held = ["rod/left", "rod/right"]
+    scene = bodies([rod], held, [("rod/back", bar)])
+    for side in held:
+        scene.move(side, (0.0, 1.8, climb))
+    report = scene.solve(accept_violations=True)
+    assert not report.certificate.crossings
+    (told,) = messages_with(report, "went through")
+    assert "points of obstacle 'bar'" in told
+
+
+@pytest.mark.once
 def test_bodies_that_pass_beside_each_other():
     scene = plates()
     hull, x0 = scene.crossings.outline, scene.crossings.accepted.x
@@ -284,19 +301,19 @@ def test_overlap_beyond_the_middle_of_a_thin_body_is_that_of_the_pair():
     assert through.facets > through.admitted
 
 
-def roofs(shift, **options):
+def roofs(shift, height=0.3, pair=("upper/top", "lower/top"), **options):
     """Two blocks with ridges that cross at right angles, ``shift`` beside nodes of both."""
 
     def roof(s, t, r):
-        return s - 0.5, t - 0.5 + shift, 0.4 * r - 0.7 + 0.3 * r * (1.0 - np.abs(2.0 * s - 1.0))
+        rise = r * (0.4 + height * (1.0 - np.abs(2.0 * s - 1.0)))
+        return s - 0.5, t - 0.5 + shift, rise - 0.4 - height
 
     def turned(s, t, r):
         x, y, z = roof(s, 1.0 - t, r)
         return -y, x, -z
 
     boxes = Box("lower", mapped((4, 4, 1), roof)), Box("upper", mapped((4, 4, 1), turned))
-    sides = ["lower/bottom", "upper/bottom"], [("upper/top", "lower/top")]
-    return bodies(boxes, *sides, **options)
+    return bodies(boxes, ["lower/bottom", "upper/bottom"], [pair], **options)
 
 
 @pytest.mark.parametrize("cell", mapped_boxes.CELLS)
@@ -311,6 +328,13 @@ def test_ridges_that_cross_between_nodes_are_told(cell):
         forces[shift, depth] = scene.problem.contacts[0].total_force
     found = np.array([np.linalg.norm(force) for force in forces.values()])
     assert found[1] == 0.0 and found[2] < 0.5 * found[0]
+
+
+def test_blunt_ridges_without_a_pair_are_a_remark():
+    """They may be coarse curves, which reach into each other by their sagittas."""
+    scene = roofs(0.125, height=0.15, pair=("upper/left", "lower/left"))
+    (crossing,) = crossings_of(scene, lambda X: X[:, 2] > 0.01, lambda X: X - [0.0, 0.0, 0.03])
+    assert crossing.remark < crossing.facets < crossing.admitted
 
 
 def test_edges_of_blocks_that_lie_on_each_other_are_no_ridges():

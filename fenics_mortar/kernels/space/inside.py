@@ -266,12 +266,24 @@ def is_hidden(start, normal, depth, behind, facets, sizes):
     own, other = slave_bodies[facets[0]], master_bodies[facets[1]]
     if own == other:
         return not covers_point(crossings(start, -normal, outline, own, sizes[0]), depth + sizes[1])
-    length = first_exit(crossings(start, -normal, outline, own, sizes[0]))
+    length = length_inside(start, -normal, outline, own, sizes[0])
     if depth < 0.5 * length:
         return False
-    partner = start - depth * normal
-    length += first_exit(crossings(partner, normal, outline, other, sizes[1]))
+    length += length_inside(start - depth * normal, normal, outline, other, sizes[1])
     return not depth < (0.5 - ROUNDING) * length
+
+
+@kernel
+def length_inside(origin, direction, outline, own, size):
+    """Length of a line within body ``own`` from a point of a facet on, inf if it does not leave it.
+
+    Crossings within ``size`` [length] belong to the facet, unless the line leaves the body there,
+    as beside an edge, and not beyond.
+    """
+    length = first_exit(crossings(origin, direction, outline, own, size))
+    if length == np.inf and first_exit(crossings(origin, direction, outline, own, 0.0)) < np.inf:
+        return size
+    return length
 
 
 @kernel

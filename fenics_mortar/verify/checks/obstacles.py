@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Comparison of gradients of users' signed distances with difference quotients and with length 1.
+"""Obstacles: edges between nodes of the slave, and gradients of users' signed distances.
+
+**Loaded nodes that are away from an obstacle in space, at edges between its nodes.** Gaps are zero
+in the mean, weighted by multiplier functions. Dual functions are negative at the other nodes of a
+facet: where it reaches beyond the edge of a flat punch, the distance of that part presses the inner
+node, and the force may be several times too large.
+
+**Gradients of users' signed distances, beside difference quotients and the length 1.**
 
 Contact forces act along the gradient of an obstacle's distance. A wrong gradient would change the
 direction of these forces without violating any other condition.
@@ -17,9 +24,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, SignedDistance
 from fenics_mortar.utils.arrays import TINY, Array, Flags, norms
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
+from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 if TYPE_CHECKING:
@@ -37,10 +46,13 @@ FACETS_FROM_SURFACE = 1.0
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Sine of the angle by which a wrong gradient misdirects contact forces (collective)."""
-    if measured.contact.obstacle is None:
+    """Loaded nodes away from an obstacle, and the direction of its forces (collective)."""
+    contact = measured.contact
+    if contact.obstacle is None:
         return
-    error, where = gradient_error(measured.contact)
+    if contact.slave.dim == 3 and contact.now.closing is None:
+        yield _loaded_away(contact)
+    error, where = gradient_error(contact)
     yield Finding(
         "obstacle_gradient", "error of the gradient of the obstacle's distance", error,
         "the gradient of the obstacle's distance is turned by "
@@ -49,7 +61,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         "obstacle",
         limit=WRONG_GRADIENT, remark=LIMITS.negligible, unit="sine", where=where,
     )  # fmt: skip
-    factor, length, where = scale_error(measured.contact)
+    factor, length, where = scale_error(contact)
     yield Finding(
         "obstacle_scale", "scale of the obstacle's distance", factor,
         f"the gradient of the obstacle's distance has the length {length:.3g} at {where}; expected "
@@ -57,6 +69,28 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
         "derivatives by this length",
         remark=OTHER_SCALE, unit="factor", where=where,
     )  # fmt: skip
+
+
+def _loaded_away(contact: Contact) -> Finding:
+    """Mean distance of nodes from the obstacle, weighted by their forces (local)."""
+    o = contact.on_obstacle
+    forces = np.abs(np.einsum("jc,jc->j", contact.now.forces[0], o.n))
+    away = forces * np.abs(o.phi - contact.now.offset) / contact.slave.nodal_lengths
+    part = float(away.sum()) / positive_or_one(float(forces.sum()))
+    where = format_point(o.x[away.argmax()])
+    return Finding(
+        "obstacle_edges",
+        "mean distance of loaded nodes from the obstacle",
+        part,
+        f"loaded nodes are {part:.2f} facets away from the obstacle, that with the largest product "
+        f"at {where}: facets reach beyond an edge of the obstacle, and the force may be several "
+        "times too large; refine them until they are smaller than the rounding of the edge"
+        f"{or_other_weights(contact)}",
+        limit=LIMITS.penetration,
+        remark=LIMITS.coarse_distance,
+        unit="facet lengths",
+        where=where,
+    )
 
 
 def scale_error(contact: Contact) -> tuple[float, float, str]:
