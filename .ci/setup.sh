@@ -7,13 +7,13 @@
 #     bash .ci/setup.sh test     the same and what the tests need
 #     bash .ci/setup.sh lint     the same and what .ci/lint.sh needs
 #     bash .ci/setup.sh ci       the same and what .ci/run needs
+#     bash .ci/setup.sh demo 60  with a line on how far a long command is every 60 s, not 10
 #
 # On Debian, if no package is missing or we may install it: Debian's packages (.ci/setup_debian.sh).
 # Otherwise, on another distribution or without these rights: wheels in a virtual environment, .venv of
 # this clone (.ci/setup_venv.sh). Once made, it is used; remove it to decide anew. lint and ci need Debian.
 #
 # FENICS_MORTAR_SETUP    debian or venv: one of these two, whatever is there
-# FENICS_MORTAR_REPORT   seconds between two lines on how far a long command is (10)
 #
 # Exit codes: 0 all there; 10 something could not be installed; 1 anything else.
 
@@ -22,7 +22,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(dirname "$here")
 kind=${1:-}
 way=${FENICS_MORTAR_SETUP:-}
-readonly here root kind venv="$root/.venv" not_installed=10
+interval=${2:-10}
+readonly here root kind interval venv="$root/.venv" not_installed=10
 
 say() { echo "setup: $*"; }
 give_up() { # LINES...: what is wrong, and the cure
@@ -55,9 +56,9 @@ logged() { # NAME HOW_FAR COMMAND...: HOW_FAR makes a line of what the command h
     return $code
 }
 
-report() { # NAME HOW_FAR FROM: every ten seconds, as long as this script runs
+report() { # NAME HOW_FAR FROM: a line in each interval, as long as this script runs
     local start=$SECONDS line
-    while sleep "${FENICS_MORTAR_REPORT:-10}" &>/dev/null && kill -0 $$ 2>/dev/null; do
+    while sleep "$interval" &>/dev/null && kill -0 $$ 2>/dev/null; do
         line=$(tail -n "+$3" "$log" | "$2" || true)
         say "$1, $((SECONDS - start)) s: ${line:-starts}"
     done
@@ -73,7 +74,7 @@ case "$kind" in
     demo | test) ;;
     lint | ci) way=debian ;;
     *)
-        echo "usage: bash .ci/setup.sh demo|test|lint|ci" >&2
+        echo "usage: bash .ci/setup.sh demo|test|lint|ci [SECONDS]" >&2
         exit 2
         ;;
 esac

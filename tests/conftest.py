@@ -24,9 +24,6 @@ from rank_failures import RankFailures  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: one of this many cases of a test is run.
 ONE_OF = 20
-# Cases of a test function in the short run; 0, as in a plain pytest: all. In the short run tests
-# marked once are run in serial only.
-CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
 # Number of cases on several ranks, where only the partition matters: the first and the last one.
 CASES_ON_RANKS = 2
 # Folders of the longest tests.
@@ -34,6 +31,13 @@ LONG = ("trial", "studies", "verification", "repository", "rigid")
 # One half of all kernels each: two processes compile them, others load them from the cache.
 COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 FAILURES = RankFailures(MPI.COMM_WORLD)
+
+
+def pytest_addoption(parser):
+    group = parser.getgroup("fenics_mortar")
+    cases = "cases of a test function in serial; 0: all. Tests marked once then run in serial only"
+    group.addoption("--cases", type=int, default=0, help=cases)
+    group.addoption("--progress", metavar="FOLDER", help="folder of the records of tests/watch.py")
 
 
 def pytest_configure(config):
@@ -44,7 +48,7 @@ def pytest_configure(config):
         config.pluginmanager.register(FAILURES)
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Deselect tests for another number of ranks, and those not in the short run.
 
     Kernels and folders of long tests come first.
@@ -58,12 +62,12 @@ def pytest_collection_modifyitems(items):
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
     alone = MPI.COMM_WORLD.size == 1
-    without = {"ranks" if alone else "serial"}
-    if CASES and not alone:
+    without, cases = {"ranks" if alone else "serial"}, config.option.cases
+    if cases and not alone:
         without.add("once")
     items[:] = [item for item in items if without.isdisjoint(marks(item))]
     functions = enumerate(by_function(items))
-    items[:] = [item for number, cases in functions for item in some(cases, number)]
+    items[:] = [item for number, all_ in functions for item in some(all_, number, cases)]
     items.sort(key=lambda item: folder(item) not in LONG)
     items.sort(key=lambda item: (item.path.stem not in COMPILING, not of_kernels(item)))
 
@@ -89,8 +93,8 @@ def by_function(items):
     return cases.values()
 
 
-def count_of(cases):
-    """Number of cases of a test function to be run, 0 for all.
+def count_of(cases, asked):
+    """Number of cases of a test function to be run, 0 for all, of the number asked for.
 
     All cases run of kernel tests, which are fast, of tests for each file or demo, and of tests for
     several ranks only.
@@ -100,17 +104,17 @@ def count_of(cases):
         return 0
     each = "each" in marks(first)
     if MPI.COMM_WORLD.size == 1:
-        return 0 if each else min(CASES, 1) if "once" in marks(first) else CASES
-    return 1 if CASES and not each else CASES_ON_RANKS
+        return 0 if each else min(asked, 1) if "once" in marks(first) else asked
+    return 1 if asked and not each else CASES_ON_RANKS
 
 
-def some(cases, number):
+def some(cases, number, asked):
     """Cases from the first to the last one, which differ most.
 
     A single case is alternately the first or the last one of the functions; of tests marked once
     it is the last one.
     """
-    last, count = len(cases) - 1, count_of(cases)
+    last, count = len(cases) - 1, count_of(cases, asked)
     if not 0 < count <= last:
         return cases
     if count == 1:

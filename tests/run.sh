@@ -4,14 +4,17 @@
 # Set up this machine, then run the tests:
 #
 #     bash tests/run.sh                in serial, on 2 or 3 ranks, few cells on 3, kernels without JIT
-#     bash tests/run.sh -k patch       in serial only, with arguments for pytest
+#     bash tests/run.sh serial 3       some of these runs: serial, 2, 3, few, kernels; "five": few cells on 5
+#     bash tests/run.sh -k patch       in serial only, with arguments for pytest, which begin with one of
+#                                      its options or with a path below tests/
+# Before these:
+#     --cases N        how many cases of each test function run in serial (2; with arguments for pytest
+#                      and 0: all)
+#     --without NAMES  what is left out in serial, named as pytest does, "tests/io tests/la/test_a.py::test_b",
+#                      or by a marker, "once"
 #
-# FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all
-# FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 few kernels" if not set; "five": few cells on 5
-# FENICS_MORTAR_WITHOUT   what is left out in serial, named as pytest does, "tests/io tests/la/test_a.py::test_b",
-#                         or by a marker, "once"
-# FENICS_MORTAR_TIMEOUT   seconds without the end of a test after which one of these runs counts as
-#                         hanging (1200); how long the run takes does not matter, as on a slow machine
+# A run in which no test ends for 1200 s counts as hanging; how long a run takes does not matter, as on
+# a slow machine.
 
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -22,7 +25,7 @@ cd "$root"
 # Waiting ranks yield: other programs may use the cores during tests.
 export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
 
-limit=${FENICS_MORTAR_TIMEOUT:-1200}
+limit=1200 # seconds without the end of a test
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/fenics_mortar-tests.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 color=no # decided here: mpirun gives each rank a terminal of its own
@@ -45,7 +48,6 @@ few=tests/problem/test_few_cells.py
 failed=0
 summary=()
 without=()
-markers=""
 
 run() { # TITLE COMMAND...: run it, and note how it ended
     local title=$1 code=0 start=$SECONDS outcome=passed
@@ -85,20 +87,33 @@ run_ranks() { # TITLE N ARGUMENTS...: pytest on N ranks; rank 0 prints, the othe
     fi
 }
 
-for name in ${FENICS_MORTAR_WITHOUT:-}; do
-    case "$name" in
-        *::*) without+=("--deselect=$name") ;;
-        tests/*) without+=("--ignore=$name") ;;
-        *) markers+="${markers:+ and }not $name" ;;
+leave_out() { # NAMES: in serial
+    local name markers=""
+    for name in $1; do
+        case "$name" in
+            *::*) without+=("--deselect=$name") ;;
+            tests/*) without+=("--ignore=$name") ;;
+            *) markers+="${markers:+ and }not $name" ;;
+        esac
+    done
+    if [ -n "$markers" ]; then without+=(-m "$markers"); fi
+}
+
+while [[ "${1:-}" == --cases* || "${1:-}" == --without* ]]; do
+    if [[ "$1" == *=* ]]; then set -- "${1%%=*}" "${1#*=}" "${@:2}"; fi
+    case "$1" in
+        --cases) cases=$2 ;;
+        --without) leave_out "$2" ;;
     esac
+    shift 2
 done
-if [ -n "$markers" ]; then without+=(-m "$markers"); fi
-if [ $# -gt 0 ]; then
-    run "tests in serial: $*" "${pytest[@]}" "${without[@]}" "$@" || true
+if [[ "${1:-}" == -* || "${1:-}" == tests/* || "${1:-}" == /* ]]; then
+    run "tests in serial: $*" "${pytest[@]}" "${without[@]}" "--cases=${cases:-0}" "$@" || true
 else
-    export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
+    if [ $# = 0 ]; then set -- serial 2 3 few kernels; fi
+    pytest+=("--cases=${cases:-2}")
     parallel=(-m "not serial")
-    for name in ${FENICS_MORTAR_RUNS:-serial 2 3 few kernels}; do
+    for name in "$@"; do
         case "$name" in
             serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 "${without[@]}" || true ;;
             2) run_ranks tests 2 "${parallel[@]}" --ignore-glob='tests/rigid/test_supported*.py' --ignore="$few" "${on_three[@]/#/--ignore=}" ;;
@@ -110,7 +125,7 @@ else
                     "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
                 ;;
             *)
-                echo "FENICS_MORTAR_RUNS holds '$name'; the runs are serial, 2, 3, few, five, kernels" >&2
+                echo "there is no run '$name'; the runs are serial, 2, 3, few, five, kernels" >&2
                 exit 2
                 ;;
         esac

@@ -6,7 +6,8 @@
 A limit of the whole run would be too short on a slow machine, or long for one that hangs. If the
 run is stopped, here or by a signal, or ends early, as by a crash, a line for each test that failed
 and for each that was running is printed, in the form of pytest's summary. The exit code is that of
-the command, and 124 if it was stopped here.
+the command, and 124 if it was stopped here. The command ends with arguments of pytest: one with the
+folder of the records is added.
 """
 
 import os
@@ -17,7 +18,6 @@ import tempfile
 import time
 from pathlib import Path
 
-FOLDER = "FENICS_MORTAR_PROGRESS"  # as in progress_log
 STOPPED = 124  # exit code, as that of timeout
 # Time from SIGTERM to SIGKILL [s]: mpirun ends all ranks.
 GRACE = 30.0
@@ -93,7 +93,7 @@ def main(limit, *command):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, interrupt)
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, env={**os.environ, FOLDER: made}, process_group=0
+            [*command, f"--progress={made}"], stdin=subprocess.DEVNULL, process_group=0
         )
         try:
             why = watch(process, folder, float(limit))

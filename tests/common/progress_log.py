@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-# Name of the environment variable with the folder of the records.
-FOLDER = "FENICS_MORTAR_PROGRESS"
 # Environment variables with the rank of a process that mpirun started: Open MPI's, MPICH's.
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK")
 
@@ -44,7 +42,7 @@ class ProgressLog:
 
 def progress_log(config):
     """The plugin for this process, ``None`` if nobody watches or xdist's workers run the tests."""
-    is_worker = hasattr(config, "workerinput")
-    if FOLDER not in os.environ or (getattr(config.option, "numprocesses", None) and not is_worker):
+    folder, is_worker = config.option.progress, hasattr(config, "workerinput")
+    if folder is None or (getattr(config.option, "numprocesses", None) and not is_worker):
         return None
-    return ProgressLog(os.environ.pop(FOLDER))  # not for programs that the tests start
+    return ProgressLog(folder)

@@ -26,7 +26,7 @@ def run(*command, path=None, way="debian", **kwargs):
     """Run a command; ``path`` goes before the others on PATH, ``way`` is that of set-up."""
     hidden = ("PYTHONPATH", "OMPI_", "PMI", "CC")
     env = {name: value for name, value in os.environ.items() if not name.startswith(hidden)}
-    env |= {"FENICS_MORTAR_SETUP": way, "FENICS_MORTAR_REPORT": "0.2"}
+    env |= {"FENICS_MORTAR_SETUP": way}
     if path is not None:
         env["PATH"] = f"{path}:{env['PATH']}"
     command = [str(part) for part in command]
@@ -74,7 +74,7 @@ def test_shell_script_has_no_syntax_error(script):
 def test_setup_survives_another_python_first_on_path(tmp_path):
     for name in ("python3", "python", "mpirun", "mpiexec"):
         put_command(tmp_path, name, "echo wrong one >&2; exit 1")
-    result = run("bash", ROOT / ".ci/setup.sh", "test", path=tmp_path)
+    result = run("bash", ROOT / ".ci/setup.sh", "test", "0.2", path=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "/usr/bin/python3" in result.stdout
     assert "wrong one" not in result.stderr
@@ -88,7 +88,9 @@ def test_setup_without_rights_prints_the_command_for_an_administrator(tmp_path):
     put_command(tmp_path, "apt-get", "echo installed something; exit 1")
     installed = "for p in python3-dolfinx gcc; do printf '%s=installed ' $p; done; exit 1"
     put_command(tmp_path, "dpkg-query", installed)
-    result = run("bash", ROOT / ".ci/setup.sh", "demo", path=tmp_path, stdin=subprocess.DEVNULL)
+    result = run(
+        "bash", ROOT / ".ci/setup.sh", "demo", "0.2", path=tmp_path, stdin=subprocess.DEVNULL
+    )
     assert result.returncode == 10
     assert "installed something" not in result.stdout
     (command,) = re.findall(r"^ +(apt-get update && apt-get install .*)$", result.stderr, re.M)
@@ -118,7 +120,7 @@ def test_setup_tells_the_size_and_how_far_apt_is(tmp_path, monkeypatch, works):
                 {f"touch {flag}" if works else "exit 100"} ;;
         esac""",
     )
-    result = run("bash", ROOT / ".ci/setup.sh", "demo", path=tmp_path)
+    result = run("bash", ROOT / ".ci/setup.sh", "demo", "0.2", path=tmp_path)
     (log,) = logs.glob("fenics_mortar-setup.*.log")
     assert log.read_text().count("unpacking") >= 1000  # of update and install
     assert "unpacking" not in result.stdout and str(log) in result.stdout
@@ -171,7 +173,7 @@ def clone(tmp_path):
     put_command(folder, "python3.14", PYTHON.format(calls=folder / "calls", folder=folder))
 
     def setup(kind="test", way="venv"):
-        return run("bash", root / ".ci/setup.sh", kind, path=folder, way=way)
+        return run("bash", root / ".ci/setup.sh", kind, "0.2", path=folder, way=way)
 
     setup.root, setup.folder = root, folder
     return setup

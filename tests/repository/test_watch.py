@@ -21,6 +21,9 @@ SETTINGS = f"""
 import sys; sys.path.insert(0, {str(Path(progress_log.__file__).parent)!r})
 from progress_log import progress_log
 
+def pytest_addoption(parser):
+    parser.addoption("--progress")
+
 def pytest_configure(config):
     log = progress_log(config)
     if log is not None:
