@@ -40,7 +40,7 @@ def release_of_gmsh(kind):
     try:
         import gmsh
     except (ImportError, OSError) as error:
-        from fenics_mortar.utils.compat import cure_of_gmsh
+        from meshes import cure_of_gmsh
 
         lines = (f"gmsh cannot be imported: {error}", cure_of_gmsh(error))
         if kind != "demo":

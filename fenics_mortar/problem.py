@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -32,14 +31,9 @@ from fenics_mortar.bulk.fluxes import check_rules
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair, TiedPair
-from fenics_mortar.contact.tied import Tie, bind
+from fenics_mortar.contact.tied import bind
 from fenics_mortar.contact.view import PairView
-from fenics_mortar.equations.arguments import (
-    check_arguments,
-    check_given_in_space,
-    check_options,
-    check_pairs_in_space,
-)
+from fenics_mortar.equations.arguments import check_arguments, check_in_space, check_options
 from fenics_mortar.equations.general import (
     ContactEquations,
     State,
@@ -48,8 +42,9 @@ from fenics_mortar.equations.general import (
 )
 from fenics_mortar.equations.inputs import Inputs, check_roles
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
-from fenics_mortar.equations.residual import Reaction, named_boundary, reaction_of
-from fenics_mortar.equations.solver import Continuation, Solver
+from fenics_mortar.equations.predictor import Continuation
+from fenics_mortar.equations.residual import Reaction, reaction_of
+from fenics_mortar.equations.solver import Solver
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.condensed import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
@@ -69,27 +64,12 @@ from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.tangent import OperatorMatrices, TangentCheck, check_tangent
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.interface.outline import Outline
     from fenics_mortar.la import options as solvers
     from fenics_mortar.la.options import Algorithm
     from fenics_mortar.mesh.data import MeshData, Names
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array
     from fenics_mortar.verify.certificate import Certificate
-
-
-def set_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
-    """Pass the outlines of the bodies to each pair, ties first; tied bodies are treated as one.
-
-    Args:
-        contacts: The pairs.
-        outline: The outlines of the bodies.
-        labels: Body of each node of the outlines with tied bodies joined, shape (nodes, 1).
-    """
-    outline = replace(outline, bodies=labels[:, 0].astype(np.int64))
-    for contact in sorted(contacts, key=lambda contact: isinstance(contact, Contact)):
-        outline = contact.limit_sight(outline)
 
 
 def check_given(
@@ -124,21 +104,10 @@ def check_given(
             raise ValueError(f"model_check does not support {beyond[0]}")
         signature = given["residual"].signature()
         options["residual"] = f"a form with the signature {signature[:8]}"
-    check_given_in_space(given)
+    check_in_space(given, pairs)
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     counts = {"pairs": len(pairs), **{name: len(given[name]) for name in lists}}
     check_same_texts(comm, "ContactProblem", {**counts, **options})
-
-
-def check_attributes(problem: Any, given: dict[str, Any]) -> None:
-    """Reject arguments of ``ContactProblem`` that were set as attributes later (collective).
-
-    Raises:
-        ValueError: On all ranks.
-    """
-    cure = "set up a new problem, or see variant(); problem.equations.newton may be set"
-    with together(problem.equations.comm, "ContactProblem"):
-        check_no_effect("the problem", problem, [*given, "pairs", "model_check"], cure)
 
 
 def equations_of(
@@ -157,7 +126,6 @@ def equations_of(
     weight = thickness_of(given["geometry"], given["thickness"])
     space = DisplacementSpace(u.function_space, given["displacement"], weight)
     check_space(space.V, pairs)
-    check_pairs_in_space(pairs)
     for name, form in (("residual", residual), ("jacobian", jacobian)):
         if form is not None:
             check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
@@ -186,8 +154,11 @@ def equations_of(
     linearization, newton = LINEARIZATIONS[given["linearization"]], given["newton"]
     newton = newton or NewtonOptions()
     equations = ContactEquations(bulk, contacts, linearization, newton, loads)
-    outline, labels = equations.crossings.outline, equations.floating.labels
-    set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
+    outline = equations.crossings.outline
+    labels = outline.gather(bulk.space.spread(equations.floating.labels))[:, 0]
+    outline = replace(outline, bodies=labels.astype(np.int64))  # tied bodies are one
+    for contact in sorted(contacts, key=lambda contact: isinstance(contact, Contact)):  # ties first
+        outline = contact.limit_sight(outline)
     return equations
 
 
@@ -203,39 +174,6 @@ def solver_of(equations: ContactEquations, given: dict[str, Any]) -> Solver:
         solver, linear_bulk,
     )  # fmt: skip
     return Solver(equations, create_system, linear_bulk=linear_bulk, prefix=prefix)
-
-
-@contextmanager
-def undeformed(equations: ContactEquations, purpose: str) -> Iterator[None]:
-    """Context in which the displacement is zero, as a set-up requires (collective).
-
-    Args:
-        equations: The equations of a problem.
-        purpose: The caller, for the error.
-
-    Raises:
-        MortarError: On all ranks, if bodies have inertia.
-    """
-    refuse_inertia(equations.bulk, purpose)
-    u = equations.bulk.u.x.array
-    kept = u.copy()
-    try:
-        u[:] = 0.0
-        yield
-    finally:
-        u[:] = kept
-
-
-def pairs_with(
-    options: dict[str, Any], contacts: Sequence[Interface]
-) -> list[ContactPair | TiedPair]:
-    """Pairs of interfaces for another problem, contact pairs with new options (local).
-
-    Raises:
-        ValueError: If a contact pair has no such attribute.
-    """
-    pairs = [contact.pair for contact in contacts]
-    return [p.with_options(**options) if isinstance(p, ContactPair) else copy(p) for p in pairs]
 
 
 class ContactProblem:
@@ -372,7 +310,7 @@ class ContactProblem:
 
         Args:
             predict: Whether to extrapolate the initial guess from the last two solves if the loads
-                continue in their direction, see ``solver``; it is the last state otherwise.
+                continue in their direction, see ``predictor``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
             may_cut: Whether you take a smaller step if this one fails: a line search, which follows
@@ -395,7 +333,9 @@ class ContactProblem:
         With any exception but ``NotConvergedError`` the state of the problem is restored.
         """
         self._renew_if_interrupted()
-        check_attributes(self, self._given)
+        cure = "set up a new problem, or see variant(); problem.equations.newton may be set"
+        with together(self.equations.comm, "ContactProblem"):
+            check_no_effect("the problem", self, [*self._given, "pairs", "model_check"], cure)
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
             self.equations.newton, accept_violations=accept_violations, predict=predict
@@ -475,9 +415,8 @@ class ContactProblem:
         meshes = [c.pair.data for c in e.contacts]
         meshes += [load.data for load in loads if isinstance(load, BoundaryMotion)]
         meshes = meshes if data is None else [data]
-        data, point = named_boundary(e.bulk, meshes, name, about)
         bulk, contact, _ = self.forces()
-        return reaction_of(e.bulk, bulk + contact, data, name, point)
+        return reaction_of(e.bulk, bulk + contact, meshes, name, about)
 
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
         """Another model of this problem, with its ``u``, conditions and obstacles (collective).
@@ -493,10 +432,19 @@ class ContactProblem:
             ValueError: If a contact pair has no such attribute.
             MortarError: If bodies have inertia.
         """
-        with undeformed(self.equations, "variant()"):
-            pairs = pairs_with(pair_options, self.equations.contacts)
-            form = {} if residual is None else {"residual": residual, "jacobian": None}
-            return ContactProblem(**{**self._given, "pairs": pairs, **form})
+        bulk, pairs = self.equations.bulk, [contact.pair for contact in self.equations.contacts]
+        refuse_inertia(bulk, "variant()")
+        changed = [
+            pair.with_options(**pair_options) if isinstance(pair, ContactPair) else copy(pair)
+            for pair in pairs
+        ]
+        form = {} if residual is None else {"residual": residual, "jacobian": None}
+        kept = bulk.values.copy()
+        try:
+            bulk.values[:] = 0.0  # as a set-up requires
+            return ContactProblem(**{**self._given, "pairs": changed, **form})
+        finally:
+            bulk.values[:] = kept
 
     def certificate(self) -> Certificate:
         """Measure balance with the present loads, signs, penetration and crossings (collective)."""

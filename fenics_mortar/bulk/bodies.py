@@ -36,15 +36,14 @@ from scipy.sparse.csgraph import connected_components
 import basix
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.bulk.cells import OUTLINE
+from fenics_mortar.bulk.cells import normals_of
 from fenics_mortar.interface.outline import Outline, extract_outline
-from fenics_mortar.obstacles.rigid_motion import turned
+from fenics_mortar.obstacles.rigid_motion import rigid_motions, turned
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import (
     ROUNDING,
     SAME_PLACE,
     TINY,
-    cross_in_plane,
     lines_cross,
     near_pairs,
 )
@@ -112,11 +111,8 @@ class FloatingBody:
             parts: Parts of the mesh in which they lie, shape (n,).
         """
         rigid = rigid_motions(X, self.centre, self.size)
-        return np.einsum("fm,mnc->fnc", self.motions, np.vstack([rigid, *self.of_parts(parts)]))
-
-    def of_parts(self, parts: Indices) -> list[Array]:
-        """Unit motion of each section at points in ``parts`` (n,), (1, n, 2) [1] each (local)."""
-        return [np.outer(motion.moves[parts], motion.axis)[None] for motion in self.sections]
+        of_sections = [np.outer(each.moves[parts], each.axis)[None] for each in self.sections]
+        return np.einsum("fm,mnc->fnc", self.motions, np.vstack([rigid, *of_sections]))
 
     def without(self, responses: Array) -> FloatingBody:
         """This body with its motions of zero response; it may have none left (local).
@@ -134,15 +130,9 @@ class FloatingBody:
         Args:
             distance: Vector from one point to the other, shape (2,) [length].
         """
-        here, there = np.moveaxis(
-            rigid_motions(
-                self.centre + np.stack([0.0 * distance, distance]), self.centre, self.size
-            ),
-            1,
-            0,
-        )
-        turning = (there - here) * (self.size / np.linalg.norm(distance))
-        return self.without(self.motions[:, : len(turning)] @ turning)
+        apart = turned(distance[None] / np.linalg.norm(distance))[:, 0]
+        dim = distance.size
+        return self.without(self.motions[:, dim : dim + len(apart)] @ apart)
 
     def describe(self, motion: Array, *, directed: bool = False, poles: bool = False) -> str:
         """Describe a free motion (local).
@@ -152,25 +142,13 @@ class FloatingBody:
             directed: Whether the sign of a translation matters.
             poles: Whether rotations in space are told by axis and point, as those in the plane.
         """
-        shares = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
-        rigid, at_sections = np.split(shares + 0.0, [len(shares) - len(self.sections)])
+        shares = motion @ self.motions / np.linalg.norm(motion)
+        rigid, at_sections = np.split(shares, [len(shares) - len(self.sections)])
         if np.abs(at_sections).max(initial=0.0) > MINOR:
             most = int(np.abs(at_sections).argmax())
             how = "be shortened" if at_sections[most] > 0.0 or not directed else "be pulled apart"
             return f"{how} at section '{self.sections[most].name}'"
-        if len(self.centre) == 3:
-            along, turn = rigid[:3], rigid[3:]
-            if poles and np.linalg.norm(turn) > MINOR and abs(along @ turn) < MINOR**2:
-                pole = self.centre + self.size * np.cross(turn, along) / (turn @ turn)
-                axis = turn / np.linalg.norm(turn)
-                return f"rotate about the axis {format_point(axis)} through {format_point(pole)}"
-            return describe_in_space(along, turn)
-        x, y, rotation = rigid
-        x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
-        if abs(rotation) > MINOR:
-            pole = self.centre + self.size / rotation * np.array([-y, x])
-            return f"rotate about {format_point(pole)}"
-        return f"move along {format_point((x + 0.0, y + 0.0))}"
+        return describe_motion(rigid, self.centre, self.size, directed=directed, poles=poles)
 
     def describe_all(self) -> str:
         """Describe all free motions (local)."""
@@ -198,25 +176,34 @@ def _echelon(rows: Array) -> Array:
     return found
 
 
-def describe_in_space(translation: Array, rotation: Array, *, verb: str = "rotate") -> str:
-    """Describe a motion of size one in space by its larger parts (local)."""
-    parts = [
-        f"{does} {format_point(vector)}"
-        for does, vector in (("move along", translation), (f"{verb} about the axis", rotation))
-        if np.linalg.norm(vector) > MINOR
-    ]
-    return " and ".join(parts)
+def describe_motion(
+    motion: Array, centre: Array, size: float, *, directed: bool = True, poles: bool = False
+) -> str:
+    """Describe a rigid motion by its larger parts (local).
 
-
-def rigid_motions(X: Array, centre: Array, size: float) -> Array:
-    """Translations and rotations about ``centre`` over ``size`` at ``X`` (n, dim) [1] (local).
-
-    Returns:
-        Shape (3, n, 2) in the plane: two translations and the rotation; (6, n, 3) in space: three
-        translations and the rotations about the three axes.
+    Args:
+        motion: Translations, then rotations about the centre times ``size``, of size one, shape
+            (3,), in space (6,) [1].
+        centre: Shape (dim,) [length].
+        size: See ``motion`` [length].
+        directed: Whether the sign of a translation matters.
+        poles: Whether rotations in space are told by axis and point, as those in the plane.
     """
-    moved = np.repeat(np.eye(X.shape[1])[:, None], len(X), axis=1)
-    return np.concatenate([moved, turned((X - centre) / size)])
+    along, turn = np.split(np.round(motion, 4), [centre.size])
+    turns = np.linalg.norm(turn) > MINOR
+    if centre.size == 2:
+        if turns:
+            pole = centre + size / turn[0] * np.array([-along[1], along[0]])
+            return f"rotate about {format_point(pole)}"
+        sign = 1.0 if directed or turn[0] or tuple(along) > (0.0, 0.0) else -1.0
+        return f"move along {format_point(sign * along)}"
+    if poles and turns and abs(along @ turn) < MINOR**2:
+        pole = centre + size * np.cross(turn, along) / (turn @ turn)
+        axis = turn / np.linalg.norm(turn)
+        return f"rotate about the axis {format_point(axis)} through {format_point(pole)}"
+    parts = ("move along", along), ("rotate about the axis", turn)
+    larger = [(does, vector) for does, vector in parts if np.linalg.norm(vector) > MINOR]
+    return " and ".join(f"{does} {format_point(vector)}" for does, vector in larger)
 
 
 def label_bodies(V: Any) -> tuple[Indices, int]:
@@ -235,29 +222,24 @@ def label_bodies(V: Any) -> tuple[Indices, int]:
     offsets = np.concatenate([[0], np.cumsum(comm.allgather(count_here))])
     component = component + offsets[comm.rank]
     begin, end = index_map.local_range
-    ghosts = np.concatenate(comm.allgather(np.asarray(index_map.ghosts)))
-    ghost_component = np.concatenate(comm.allgather(component[owned:]))
+    ghosts, of_ghosts = from_all_ranks(comm, (np.asarray(index_map.ghosts), component[owned:]))
     mine = (ghosts >= begin) & (ghosts < end)
-    pairs = np.stack([ghost_component[mine], component[ghosts[mine] - begin]], axis=1)
-    pairs = np.concatenate(comm.allgather(np.unique(pairs, axis=0)))
-    total = int(offsets[-1])
-    bridges = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(total, total))
-    bodies, body = connected_components(bridges, directed=False)
-    return body[component].astype(np.int64), bodies
+    pairs = np.stack([of_ghosts[mine], component[ghosts[mine] - begin]], axis=1)
+    body, bodies = join_bodies(int(offsets[-1]), comm.allgather(np.unique(pairs, axis=0)))
+    return body[component], bodies
 
 
-def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int]:
-    """Merge linked bodies: new ``labels`` and number of bodies (local).
+def join_bodies(num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int]:
+    """Merge linked bodies: new number of each body, (num_bodies,), and how many are left (local).
 
     Args:
-        labels: Body of each local node, shape (n,).
         num_bodies: Number of bodies.
         links: Pairs of bodies, equal on all ranks, shapes (k, 2).
     """
     pairs = np.concatenate([np.empty((0, 2), np.int64), *links])
     bridges = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(num_bodies, num_bodies))
     count, body = connected_components(bridges, directed=False)
-    return body[labels].astype(np.int64), count
+    return body.astype(np.int64), count
 
 
 def find_floating_bodies(
@@ -365,41 +347,20 @@ def check_mesh_overlap(space: DisplacementSpace, contacts: Sequence[Interface]) 
     mesh = space.V.mesh
     dim = mesh.geometry.dim
     mesh.topology.create_connectivity(dim - 1, dim)
-    count = compat.num_corners(mesh)
-    cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
+    cells = compat.geometry_dofmap(mesh)[:, : compat.num_corners(mesh)].astype(np.int64)
     x = mesh.geometry.x[:, :dim]
     sides = _sides(mesh, x, cells, mesh.topology.index_map(dim).size_local)
-    if dim == 2:
-        _refuse(mesh, "cells are twisted", _twisted(x, cells))
-    _refuse(
-        mesh,
-        "facets have the cells of both sides on the same side: the mesh is folded there",
-        _folded(mesh, sides),
-    )
+    count, where = count_points(mesh.comm, _folded(mesh, sides))
+    if count:
+        raise MeshError(
+            f"{count} facets have the cells of both sides on the same side: the mesh is folded "
+            f"there, one at {where}; correct the mesh"
+        )
     if dim == 2:
         labels, bodies = label_bodies(space.V)
         _check_outline(extract_outline(space, labels, np.arange(bodies)), contacts)
     else:
         _check_copies(mesh, sides)
-
-
-def _refuse(mesh: Any, what: str, positions: Array) -> None:
-    count, where = count_points(mesh.comm, positions)
-    if count:
-        raise MeshError(f"{count} {what}, one at {where}; correct the mesh")
-
-
-def _twisted(x: Array, cells: Indices) -> Array:
-    """Midpoints of the cells whose corners turn in different directions, (n, 2) (local)."""
-    corners = x[cells[:, OUTLINE[cells.shape[1]]]]
-    after = np.roll(corners, -1, axis=1) - corners
-    before = np.roll(after, 1, axis=1)
-    turns = cross_in_plane(before, after)
-    smallest = SAME_PLACE * np.abs(turns).max(axis=1, initial=0.0)
-    both = (turns.min(axis=1, initial=0.0) < -smallest) & (
-        turns.max(axis=1, initial=0.0) > smallest
-    )
-    return np.asarray(corners[both].mean(axis=1))
 
 
 # Cells whose facets are compared at a time [1]: positions at all facets were most of the memory at
@@ -411,8 +372,8 @@ class _Sides(NamedTuple):
     """The facets of local cells, one row per cell and facet.
 
     ``facet``: local number; ``nodes``: its ends (in space its corners), ascending by their numbers
-    in the mesh input, (n, corners); ``side``: 1 if the cell lies on the left, in space where
-    ``_normals`` point, else -1; ``x``: positions of all nodes.
+    in the mesh input, (n, corners); ``side``: 1 if the cell lies where ``_normals`` point, else -1;
+    ``x``: positions of all nodes.
     """
 
     facet: npt.NDArray[np.int32]
@@ -443,22 +404,15 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
         order = np.argsort(given[unordered], axis=1)
         nodes[rows] = np.take_along_axis(unordered, order, axis=1)
         middles = np.repeat(x[some].mean(axis=1), count, axis=0)
-        sides.side[rows] = _side_of(sides.ends(rows), middles)
+        ends = sides.ends(rows)
+        inward = middles - ends.mean(axis=1)
+        sides.side[rows] = np.sign((_normals(ends) * inward).sum(axis=1))
     return sides
 
 
-def _side_of(ends: Array, middles: Array) -> Array:
-    """1 for facets whose cells, with ``middles`` (n, dim), lie as in ``_Sides``, else -1."""
-    if ends.shape[2] == 3:
-        inward = middles - ends.mean(axis=1)
-        return np.asarray(np.sign((_normals(ends) * inward).sum(axis=1)))
-    along, inward = ends[:, 1] - ends[:, 0], middles - ends[:, 0]
-    return np.sign(cross_in_plane(along, inward))
-
-
 def _normals(corners: Array) -> Array:
-    """Normals of facets in space by three of their corners (n, corners, 3), shape (n, 3)."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    """Normals of facets by two, in space three of their corners (n, corners, dim), (n, dim)."""
+    return normals_of(corners[:, 1 : corners.shape[2]] - corners[:, :1])
 
 
 def _folded(mesh: Any, sides: _Sides) -> Array:
@@ -472,7 +426,7 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     sums, count = np.bincount(sides.facet, sides.side, size), np.bincount(sides.facet, None, size)
     row = np.zeros(size, np.int32)
     row[sides.facet] = np.arange(sides.facet.size)
-    wrong = _middles(sides, row[(np.abs(sums) > 1.0) & (count > 1)])
+    wrong = sides.ends(row[(np.abs(sums) > 1.0) & (count > 1)]).mean(axis=1)
     outer = dmesh.exterior_facet_indices(mesh.topology)
     once = np.setdiff1d(np.flatnonzero(count == 1), outer).astype(np.int32)
     if mesh.comm.size == 1:
@@ -484,12 +438,7 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
     begin, end = index_map.local_range
     mine = once[np.isin(number, bad) & (number >= begin) & (number < end)]
-    return np.concatenate([wrong, _middles(sides, row[mine])])
-
-
-def _middles(sides: _Sides, rows: npt.NDArray[Any]) -> Array:
-    """Midpoints of the facets of some rows, (k, dim) (local)."""
-    return np.asarray(sides.ends(rows).mean(axis=1))
+    return np.concatenate([wrong, sides.ends(row[mine]).mean(axis=1)])
 
 
 def _check_copies(mesh: Any, sides: _Sides) -> None:

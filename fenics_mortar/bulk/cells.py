@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The reference cell, and the cells of this rank: area ratios, points inside other bodies."""
+"""The reference cell, and the cells of this rank: area ratios, points inside other bodies.
+
+Linear interpolation between the nodes of a body, on its cells divided into triangles.
+
+Each rank interpolates in its own cells, so that no rank stores a whole body. Only points that a
+rank does not find there are sent to the others.
+"""
 
 from __future__ import annotations
 
 from functools import cached_property, reduce
 from math import factorial
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -14,12 +20,24 @@ import numpy as np
 import basix
 
 from fenics_mortar.interface.reference import gauss_points, tabulate
-from fenics_mortar.kernels.crossing import find_inside
+from fenics_mortar.kernels.crossing import interpolate
 from fenics_mortar.kernels.facets import tabulate_volumes
+from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
+from fenics_mortar.utils.arrays import (
+    ROUNDING,
+    SAME_PLACE,
+    Array,
+    Flags,
+    Indices,
+    Numbers,
+    cross_in_plane,
+)
 from fenics_mortar.utils.errors import count_points
-from fenics_mortar.utils.ranks import any_over_ranks, on_any_rank, sum_over_ranks
+from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 # Degree of Lagrange functions by the number of nodes of a cell.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}
@@ -91,8 +109,7 @@ def nodal_gradients(V: Any) -> Array:
     Shape (nodes, functions, dim), in the reference cell [1] (local). All values are integers for
     degree 1 and 2.
     """
-    element = _lagrange(V)
-    return np.rint(_gradients(element, element.points))
+    return np.rint(gradients_at(V, lagrange(V).points))
 
 
 def gradients_at(V: Any, points: Array) -> Array:
@@ -100,20 +117,17 @@ def gradients_at(V: Any, points: Array) -> Array:
 
     Shape (p, functions, dim), in the reference cell [1].
     """
-    return _gradients(_lagrange(V), points)
+    table = lagrange(V).tabulate(1, points)[1:, :, :, 0]
+    return np.ascontiguousarray(np.moveaxis(table, 0, -1))
 
 
-def _lagrange(V: Any) -> Any:
+def lagrange(V: Any) -> Any:
     """Basix's element of one component of ``V``."""
     cell = getattr(basix.CellType, compat.cell_name(V.mesh))
     degree = DEGREES[V.dofmap.dof_layout.num_dofs]
     return basix.create_element(
         basix.ElementFamily.P, cell, degree, basix.LagrangeVariant.gll_warped
     )
-
-
-def _gradients(element: Any, points: Array) -> Array:
-    return np.ascontiguousarray(np.moveaxis(element.tabulate(1, points)[1:, :, :, 0], 0, -1))
 
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -139,7 +153,6 @@ class Cells:
         self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(dim).size_local]
         self.X: Array = V.tabulate_dof_coordinates()[:, :dim].copy()
         self._gradients = nodal_gradients(V)
-        self._outline = np.array(OUTLINE[len(self._gradients)] if dim == 2 else [])
         self._num_corners = compat.num_corners(V.mesh)
         self._undeformed_areas = areas_or_nan(self.X, self._nodes, self._gradients)
 
@@ -188,9 +201,20 @@ class Cells:
         return self.count(np.isnan(self._undeformed_areas).all(axis=1))
 
     def twisted(self) -> tuple[int, str]:
-        """Number of undeformed cells with corners of both orientations, and where (collective)."""
-        corners = self._undeformed_areas[:, : self._num_corners]
-        return self.count((corners < 0.0).any(axis=1) & (corners > 0.0).any(axis=1))
+        """Number of undeformed cells with corners of both orientations, and where (collective).
+
+        In the plane those of the cell with straight edges.
+        """
+        count = self._num_corners
+        if self.X.shape[1] == 2:
+            polygon = self.X[self._nodes[:, :count]][:, OUTLINE[count]]
+            after = np.roll(polygon, -1, axis=1) - polygon
+            corners = cross_in_plane(np.roll(after, 1, axis=1), after)
+        else:
+            corners = np.nan_to_num(self._undeformed_areas[:, :count])
+        least = SAME_PLACE * np.abs(corners).max(axis=1, initial=0.0)
+        signs = np.sign(corners) * (np.abs(corners) > least[:, None])
+        return self.count((signs < 0.0).any(axis=1) & (signs > 0.0).any(axis=1))
 
     def deformation_gradients(self, x: Array) -> Array:
         """F at positions ``x`` (n, dim), averaged over nodes, (cells, dim, dim) [1] (local)."""
@@ -202,25 +226,6 @@ class Cells:
         jacobian = np.einsum("eka,nkb->enab", self.X[self._nodes], self._gradients)
         gradients = np.einsum("nkb,enba->ekna", self._gradients, np.linalg.inv(jacobian))
         return np.asarray(gradients.mean(axis=2))
-
-    def inside_other_body(
-        self, x: Array, points: Array, bodies: Indices | Array, labels: Indices
-    ) -> Flags:
-        """Whether points of the plane lie inside a cell of another body (collective).
-
-        Args:
-            x: Positions of the local nodes, shape (n, 2) [length].
-            points: Positions, equal on all ranks, shape (p, 2) [length].
-            bodies: Body of each point, shape (p,).
-            labels: Body of each local node, negative for bodies that do not count, shape (n,).
-
-        Returns:
-            Flags, equal on all ranks, shape (p,).
-        """
-        inside = np.zeros(len(points), bool)
-        if len(points) and len(self._nodes):
-            find_inside(x, self._nodes, labels, self._outline, points, bodies, inside)
-        return any_over_ranks(self._comm, inside)
 
 
 def areas_at(x: Array, cells: Numbers, gradients: Array) -> Array:
@@ -244,3 +249,88 @@ def areas_or_nan(X: Array, cells: Numbers, gradients: Array) -> Array:
     areas = areas_at(X, cells, gradients)
     extent = np.ptp(X[cells], axis=1).max(axis=1, initial=0.0)
     return np.where(np.abs(areas) > ROUNDING * extent[:, None] ** X.shape[1], areas, np.nan)
+
+
+# Triangles between the nodes of a cell, by the number of nodes; for their order see ``bulk.cells``.
+DIVISIONS = {
+    3: [[0, 1, 2]],
+    4: [[0, 1, 2], [1, 3, 2]],
+    6: [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
+    9: [
+        [0, 4, 8], [4, 1, 6], [8, 4, 6], [0, 8, 5], [5, 8, 7], [5, 7, 2], [8, 6, 3], [8, 3, 7],
+    ],
+}  # fmt: skip
+
+
+class Triangles(NamedTuple):
+    """Triangles between the local nodes of a body.
+
+    Attributes:
+        comm: Communicator.
+        X: Reference positions of the local nodes, ghosts included, shape (n, 2) [length].
+        nodes: Nodes of the triangles, shape (t, 3).
+        boxes: Tree of their boxes, see ``kernels.tree``; empty without triangles.
+    """
+
+    comm: MPI.Comm
+    X: Array
+    nodes: Indices
+    boxes: Array
+
+    def interpolate(self, values: Array, points: Array) -> Array:
+        """Interpolate a field at points in the body (collective).
+
+        Args:
+            values: Values at the local nodes, shape (n, 2) [unit].
+            points: Points of this rank, mostly in its own cells, shape (p, 2) [length].
+
+        Returns:
+            Values at these points, nan outside of the body, shape (p, 2) [unit].
+        """
+        result = self._interpolate_here(values, points)
+        if self.comm.size == 1:
+            return result
+        missing = np.flatnonzero(np.isnan(result[:, 0]))
+        requests: list[Array] = self.comm.allgather(points[missing])
+        requests[self.comm.rank] = np.empty((0, 2))
+        answers = self.comm.alltoall([self._interpolate_here(values, there) for there in requests])
+        for rank, found in enumerate(answers):
+            if rank != self.comm.rank:
+                rest = np.isnan(result[missing, 0])
+                result[missing[rest]] = found[rest]
+        return result
+
+    def _interpolate_here(self, values: Array, points: Array) -> Array:
+        """Values (p, 2) at points (p, 2), nan outside of the cells of this rank (local)."""
+        found = np.full((len(points), 2), np.nan)
+        if len(self.nodes) and len(points):
+            interpolate(points, self.boxes, self.X, self.nodes, values, found)
+        return found
+
+
+def triangulate(space: DisplacementSpace, mine: Indices) -> Triangles:
+    """Divide the local cells of a body into triangles (local).
+
+    Args:
+        space: Nodes of the displacement.
+        mine: Local nodes of the body, ghosts included, ascending, shape (n,).
+    """
+    V = space.V
+    X = V.tabulate_dof_coordinates()[:, :2]
+    number = np.full(len(X), -1)
+    number[mine] = np.arange(len(mine))
+    cells = number[compat.dofmap(V)]
+    triangles = cells[cells[:, 0] >= 0][:, np.array(DIVISIONS[cells.shape[1]])].reshape(-1, 3)
+    return triangles_of(V.mesh.comm, X[mine], triangles)
+
+
+def triangles_of(comm: MPI.Comm, X: Array, nodes: Indices) -> Triangles:
+    """Triangles between nodes at ``X`` (n, 2) [length], their ``nodes`` (t, 3) (local).
+
+    A search takes O(log t) only if neighbours in the order are neighbours in space: triangles are
+    sorted along a Morton curve.
+    """
+    if not len(nodes):
+        return Triangles(comm, X, nodes, np.empty((0, 4)))
+    nodes = nodes[spatial_order(X[nodes].mean(axis=1))]
+    return Triangles(comm, X, nodes, build_tree(X, nodes))

@@ -15,7 +15,7 @@ In plane problems there is a remark if the residual is one of bodies of revoluti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import product
+from itertools import combinations, product
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -43,6 +43,7 @@ from fenics_mortar.utils.errors import (
     count_points,
     format_point,
 )
+from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -205,17 +206,15 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
     Raises:
         SurfaceError: On all ranks.
     """
-    candidates = [contact.slave.nodes[contact.may_carry] for contact in contacts]
-    for i, one in enumerate(contacts):
-        for j, other in enumerate(contacts[i + 1 :], i + 1):
-            both = np.intersect1d(candidates[i], candidates[j])
-            if both.size and _have_common_master(one, other):
-                where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
-                raise SurfaceError(
-                    f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
-                    f"'{one.slave.name}' and '{other.slave.name}', one at {format_point(where)}; "
-                    f"pass both sides in one list, or make one of the two a master there"
-                )
+    for one, other in combinations(contacts, 2):
+        both = np.intersect1d(*(pair.slave.nodes[pair.may_carry] for pair in (one, other)))
+        if both.size and _have_common_master(one, other):
+            where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
+            raise SurfaceError(
+                f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
+                f"'{one.slave.name}' and '{other.slave.name}', one at {format_point(where)}; "
+                f"pass both sides in one list, or make one of the two a master there"
+            )
 
 
 def _have_common_master(one: Interface, other: Interface) -> bool:
@@ -281,22 +280,11 @@ def check_jacobian(jacobian: Any, u: Any) -> None:
     _check_form("jacobian", jacobian, 2, u, expected)
 
 
-def _check_numbers(name: str, form: Any) -> None:
-    """Reject forms that contain the number nan or infinity, which form compilers do not accept."""
-    for integral in form.integrals():
-        for part in unique_pre_traversal(integral.integrand()):
-            if isinstance(part, ScalarValue) and not np.isfinite(part.value()):
-                raise ValueError(
-                    f"the {name} contains the number {part.value()} in an integral over "
-                    f"{_DOMAINS.get(integral.integral_type(), integral.integral_type())}: "
-                    "expected finite numbers"
-                )
-
-
 def check_domain(name: str, form: Any, mesh: Any) -> None:
     """Reject forms with measures, functions or coordinates of another mesh (local).
 
-    Constants are numbers, whatever their mesh.
+    Constants are numbers, whatever their mesh. Also the numbers nan and infinity, which form
+    compilers do not accept.
 
     Args:
         name: Description of the form.
@@ -304,15 +292,20 @@ def check_domain(name: str, form: Any, mesh: Any) -> None:
         mesh: UFL domain of the mesh.
 
     Raises:
-        ValueError: If another mesh occurs; names the object.
+        ValueError: If another mesh occurs, or such a number; names the object.
     """
     for integral in form.integrals():
+        where = _DOMAINS.get(integral.integral_type(), "parts")
         if integral.ufl_domain() != mesh:
             raise ValueError(
-                f"the {name} has an integral over {_DOMAINS.get(integral.integral_type(), 'parts')}"
-                " of another mesh than that of u"
+                f"the {name} has an integral over {where} of another mesh than that of u"
             )
         for part in unique_pre_traversal(integral.integrand()):
+            if isinstance(part, ScalarValue) and not np.isfinite(part.value()):
+                raise ValueError(
+                    f"the {name} contains the number {part.value()} in an integral over {where}: "
+                    "expected finite numbers"
+                )
             if (
                 isinstance(part, (Coefficient, GeometricQuantity))
                 and compat.domain_of(part) != mesh
@@ -335,7 +328,6 @@ def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None
         raise ValueError(f"the {name} has test functions of several spaces: {error}") from error
     if len(arguments) != count:
         raise ValueError(expected)
-    _check_numbers(name, form)
     V = u.function_space
     for argument in arguments:
         space = argument.ufl_function_space()
@@ -350,9 +342,7 @@ def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None
 
 
 def check_cells(bulk: Bulk) -> None:
-    """Reject cells without area or volume, and twisted ones in space (collective).
-
-    Twisted cells of the plane are found by ``bodies``.
+    """Reject cells without area or volume, and twisted ones (collective).
 
     Raises:
         MeshError: On all ranks; the message has a position.
@@ -361,7 +351,7 @@ def check_cells(bulk: Bulk) -> None:
     if count:
         size = "area" if bulk.space.dim == 2 else "volume"
         raise MeshError(f"{count} cells have no {size}, one at {where}")
-    count, where = (0, "") if bulk.space.dim == 2 else bulk.cells.twisted()
+    count, where = bulk.cells.twisted()
     if count:
         raise MeshError(f"{count} cells are twisted, one at {where}; correct the mesh")
 
@@ -434,14 +424,13 @@ def remark_on_thickness(
     factors = [factor for factor in factors if factor != 1.0]
     if thickness is None or not factors:
         return ""
-    kinds = [(i.integral_type(), i.integrand()) for i in residual.integrals()]
-    integrals = [(KINDS.get(kind, kind), integrand) for kind, integrand in kinds]
+    integrals = [(i.integral_type(), i.integrand()) for i in residual.integrals()]
     all_parts = [part for _, integrand in integrals for part in unique_pre_traversal(integrand)]
-    if has_unit and all(_near(all_parts, [factor]) for factor in factors):
+    if has_unit and all(_near(_values(all_parts), [factor]) for factor in factors):
         return ""  # parts of the bodies have the thickness one
     comm = space.V.mesh.comm
     missing = {
-        kind
+        KINDS.get(kind, kind)
         for kind, integrand in integrals
         if not _has_factor(integrand, u, factors, comm, varies=varies)
     }
@@ -477,8 +466,7 @@ def _weights(expression: Any) -> set[tuple[bool, bool]]:
     if isinstance(expression, PRODUCTS):
         both = product(_weights(operands[0]), _weights(operands[1]))
         return {(a or c, b or d) for (a, b), (c, d) in both}
-    near = [abs(value - pi) <= ROUNDING * pi for value in _values([expression]) for pi in PI]
-    return {(any(near), _is_radius(expression))}
+    return {(_near(_values([expression]), PI), _is_radius(expression))}
 
 
 def _is_radius(expression: Any) -> bool:
@@ -495,36 +483,25 @@ def _has_factor(
     """Whether a factor may occur in an integrand; always if it ``varies`` as a function there."""
     parts = list(unique_pre_traversal(integrand))
     functions = [part for part in parts if isinstance(part, ufl.Coefficient) and part is not u]
-    if _near(parts, factors):
+    if _near(_values(parts), factors):
         return True
     if varies and any(isinstance(part, ufl.classes.SpatialCoordinate) for part in parts):
         return True
     if varies or len(factors) > 1:  # a function may be the radius times 2 pi
         return bool(functions)
-    return any(_may_equal(f, factors, comm) for f in functions)
+    return any(on_any_rank(comm, _near(np.real(f.x.array), factors)) for f in functions)
 
 
-def _near(parts: list[Any], factors: list[float]) -> bool:
-    """Whether a number among parts of an integrand has the value of a factor."""
-    return any(
-        abs(value - factor) <= ROUNDING * factor for value in _values(parts) for factor in factors
-    )
+def _near(values: Array, factors: list[float]) -> bool:
+    """Whether one of some numbers (n,) has the value of a factor."""
+    return any((np.abs(values - factor) <= ROUNDING * factor).any() for factor in factors)
 
 
-def _values(parts: list[Any]) -> Iterator[float]:
-    """Numbers and components of constants among the parts of an integrand."""
-    for part in parts:
-        if isinstance(part, ScalarValue):
-            yield float(np.real(part.value()))
-        elif isinstance(part, fem.Constant):
-            yield from np.real(np.ravel(part.value)).tolist()
-
-
-def _may_equal(function: Any, factors: list[float], comm: MPI.Comm) -> bool:
-    """Whether a function has the value of a factor somewhere (collective)."""
-    values = np.real(function.x.array)
-    here = any((np.abs(values - factor) <= ROUNDING * factor).any() for factor in factors)
-    return bool(comm.allreduce(here, MPI.LOR))
+def _values(parts: list[Any]) -> Array:
+    """Numbers and components of constants among the parts of an integrand, (n,) [any unit]."""
+    found = [part.value() for part in parts if isinstance(part, ScalarValue)]
+    found += [part.value for part in parts if isinstance(part, fem.Constant)]
+    return np.concatenate([np.zeros(0), *map(np.ravel, map(np.real, found))])
 
 
 def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:

@@ -96,7 +96,8 @@ class Fluxes:
         mesh, dim = self._mesh, self._dim
         self.cell = ReferenceCell(compat.cell_name(mesh))
         # Distance from the axis of revolution below which it is rounding; -1 without an axis
-        self._axis = ROUNDING * _extent(mesh) if space.is_axisymmetric else -1.0
+        extent = largest_over_ranks(mesh.comm, np.abs(mesh.geometry.x).max(initial=0.0))
+        self._axis = ROUNDING * float(extent) if space.is_axisymmetric else -1.0
         # Test function of the form itself: with dolfinx 0.5 a new one may hash differently, since
         # the first compilation changes the mesh's element.
         (test,), trial = residual.arguments(), ufl.TrialFunction(space.whole)
@@ -148,10 +149,8 @@ class Fluxes:
         values, count, dim = self._evaluate(self._values, cells), self._num_constraints, self._dim
         shape, size = values.shape[:2], dim**2
         J, H = (values[..., i : i + size].reshape(*shape, dim, dim) for i in (0, size))
-        sums = np.zeros((*shape, size + dim + (1 + dim) * count))
-        for number, subdomain in enumerate(self._in_cells):
-            on, first = _within(subdomain, cells), 2 * size + sums.shape[2] * number
-            sums[on] += values[on, :, first : first + sums.shape[2]]
+        width = size + dim + (1 + dim) * count
+        sums = _summed(values[..., 2 * size : -1], width, self._in_cells, cells)
         # Hoop strains are 0 / 0 on the axis, and weighted by a thickness of 0
         sums[np.abs(values[..., -1]) <= self._axis] = 0.0
         P, r, c, fluxes = np.split(sums, np.cumsum([size, dim, count]), axis=2)
@@ -191,11 +190,8 @@ class Fluxes:
         sums = np.zeros((cells.size, rows, size))
         for column, direction in enumerate(np.eye(size)):
             self._strain.value[:] = direction.reshape(dim, dim)
-            values = self._evaluate(self._moduli, cells)[:, 0, 1:]
-            values = values.reshape(cells.size, len(self._in_cells), rows)
-            for number, subdomain in enumerate(self._in_cells):
-                on = _within(subdomain, cells)
-                sums[on, :, column] += values[on, number]
+            values = self._evaluate(self._moduli, cells)[..., 1:]
+            sums[:, :, column] = _summed(values, rows, self._in_cells, cells)[:, 0]
         A, C = sums[:, :size], sums[:, size:]
         return A.reshape(-1, *[dim] * 4), C.reshape(*C.shape[:2], dim, dim)
 
@@ -215,10 +211,8 @@ class Fluxes:
         for side in range(len(self.cell.sides)):
             self._normal.value[:] = self.cell.normals[side]
             here = np.flatnonzero(sides == side)
-            values = self._evaluate(self._loads, cells[here])[:, side * q : (side + 1) * q]
-            for number, subdomain in enumerate(self._on_boundary):
-                on = _within(subdomain, facets[here])
-                t[here[on]] += values[on, :, dim * number + 1 : dim * (number + 1) + 1]
+            values = self._evaluate(self._loads, cells[here])[:, side * q : (side + 1) * q, 1:]
+            t[here] = _summed(values, dim, self._on_boundary, facets[here])
         return t
 
     def _compile(self, entries: list[Any], points: Array) -> tuple[Any, tuple[int, int]]:
@@ -256,11 +250,6 @@ def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, An
     return found["cell"], found["exterior_facet"]
 
 
-def _extent(mesh: Any) -> float:
-    """Largest coordinate of all ranks [length] (collective)."""
-    return max(mesh.comm.allgather(float(np.abs(mesh.geometry.x).max(initial=0.0))))
-
-
 def _within(subdomain: Subdomain, entities: Indices) -> Flags:
     """Whether local entities (n,) belong to a subdomain, shape (n,) (local)."""
     number, tags = subdomain
@@ -268,6 +257,25 @@ def _within(subdomain: Subdomain, entities: Indices) -> Flags:
         return np.ones(entities.size, bool)
     numbers = number if isinstance(number, tuple) else (number,)
     return np.isin(entities, np.concatenate([tags.find(int(k)) for k in numbers]))
+
+
+def _summed(values: Array, width: int, subdomains: Sequence[Subdomain], entities: Indices) -> Array:
+    """Sum of the values of all integrals at entities (n,) of their subdomains (local).
+
+    Args:
+        values: Values of one integral after the other, shape (n, points, integrals * width).
+        width: Number of values of an integral.
+        subdomains: The subdomain of each integral.
+        entities: Local cells or facets.
+
+    Returns:
+        Shape (n, points, width); zero without integrals.
+    """
+    sums = np.zeros((*values.shape[:2], width))
+    for number, subdomain in enumerate(subdomains):
+        on = _within(subdomain, entities)
+        sums[on] += values[on, :, width * number : width * (number + 1)]
+    return sums
 
 
 def _unknowns(space: DisplacementSpace) -> tuple[int, int]:
@@ -465,10 +473,7 @@ def _points(X: Array, nodes: Any, cells: Indices, gradients: Array) -> CellPoint
 
 def _with_finite_strains(residual: Any, u: Any, space: DisplacementSpace) -> list[Any]:
     """Integrals over cells whose derivative is that of finite strains."""
-    trial = ufl.TrialFunction(space.whole)
-    first = 0
-    if space.is_mixed:
-        first = sum(int(np.prod(p.ufl_shape)) for p in ufl.split(trial)[: space.part])
+    trial, (_, first) = ufl.TrialFunction(space.whole), _unknowns(space)
     rotation = np.zeros((*trial.ufl_shape, space.dim))
     rotation[first : first + space.dim] = SPINS[space.dim]
     turned = Given(trial, ufl.zero(*trial.ufl_shape), ufl.as_tensor(rotation.tolist()))

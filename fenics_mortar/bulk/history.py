@@ -151,10 +151,6 @@ class History:
         self._start, self._starts = self._read(), False
         self._write(new_values)
 
-    def refuse(self) -> None:
-        """Set the values from which the last step started, after ``accept`` (local)."""
-        self._write(self._start)
-
     @contextmanager
     def at_start(self) -> Iterator[None]:
         """Context in which the functions have the values at the start of the last step (local)."""
@@ -246,7 +242,7 @@ class _Update:
         return new
 
     def _check_finite(self, values: Array) -> None:
-        """See ``evaluate``; values of shape (owned cells, points, components) (collective)."""
+        """Refuse values (owned cells, points, components) that are not finite (collective)."""
         wrong = self._cells[~np.isfinite(values).all(axis=(1, 2))]
         geometry = self._mesh.geometry
         nodes = geometry.x[compat.geometry_dofmap(self._mesh)[wrong], : geometry.dim]

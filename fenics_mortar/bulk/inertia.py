@@ -31,6 +31,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
 import ufl
 from dolfinx import fem
@@ -52,6 +53,7 @@ from fenics_mortar.utils.arrays import (
     Value,
 )
 from fenics_mortar.utils.errors import MortarError, format_point
+from fenics_mortar.utils.ranks import from_all_ranks
 
 # Pairs of the fields 1, x, y (and z) whose products are the moments of a body, by dimension.
 MOMENTS = {dim: list(combinations_with_replacement(range(1 + dim), 2)) for dim in (2, 3)}
@@ -124,32 +126,22 @@ def _projection(
     space: DisplacementSpace, layout: PETSc.Mat, nodes: Indices, weigh: Weigh
 ) -> PETSc.Mat:
     """The matrix P, shape (N, N); its columns at dofs of S are zero (collective)."""
-    index_map, first = space.V.dofmap.index_map, space.V.dofmap.index_map.local_range[0]
+    first, last = space.V.dofmap.index_map.local_range
+    (dofs,) = from_all_ranks(space.V.mesh.comm, [space.owned_dofs + space.first])  # of all nodes
     stencils = _stencils(space.V, np.unique(nodes), weigh)
-    comm = space.V.mesh.comm
-    dofs = space.owned_dofs + space.first  # of the owned nodes
-    others = np.unique(np.concatenate([*(s for s, _ in stencils.values()), nodes[:0]]))
-    mine = others[(others >= first) & (others < first + index_map.size_local)]
-    known = comm.allgather((mine, dofs[mine - first]))
-    dofs_of = {int(n): d for numbers, values in known for n, d in zip(numbers, values, strict=True)}
-    rows: dict[int, tuple[Array, Array]] = {}
-    for node, (around, weights) in stencils.items():
-        if first <= node < first + index_map.size_local:
-            around_dofs = np.array([dofs_of[int(n)] for n in around])
-            for component, row in enumerate(dofs[node - first]):
-                rows[int(row)] = around_dofs[:, component], weights
-    return _identity_but(rows, layout)
-
-
-def _identity_but(rows: dict[int, tuple[Array, Array]], layout: PETSc.Mat) -> PETSc.Mat:
-    """The identity with some owned rows replaced: global row, its columns and values."""
+    mine = np.array([node for node in stencils if first <= node < last], np.int64)
     start, end = layout.getOwnershipRange()
-    entries = [rows.get(i, (np.array([i]), np.ones(1))) for i in range(start, end)]
-    sizes = [len(columns) for columns, _ in entries]
-    ends = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]).astype(PETSc.IntType)
-    columns = np.concatenate([np.empty(0), *(c for c, _ in entries)]).astype(PETSc.IntType)
-    values = np.concatenate([np.empty(0), *(v for _, v in entries)])
-    P = PETSc.Mat().createAIJ(layout.getSizes(), csr=(ends, columns, values), comm=layout.comm)
+    rest = np.setdiff1d(np.arange(start, end), dofs[mine])
+    entries = [(rest, rest, np.ones(rest.size))]
+    for node in mine.tolist():
+        around, weights = stencils[node]
+        for row, columns in zip(dofs[node], dofs[around].T, strict=True):
+            entries.append((np.full(weights.size, row), columns, weights))
+    i, j, values = map(np.concatenate, zip(*entries, strict=True))
+    table = coo_array((values, (i - start, j)), shape=(end - start, layout.getSize()[1])).tocsr()
+    table.sort_indices()
+    csr = (table.indptr.astype(PETSc.IntType), table.indices.astype(PETSc.IntType), table.data)
+    P = PETSc.Mat().createAIJ(layout.getSizes(), csr=csr, comm=layout.comm)
     P.setBlockSizes(*layout.getBlockSizes())
     return P
 
@@ -160,10 +152,10 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
     They are within two rings of nodes around it, or three where these are not enough, as at a
     corner of a single tetrahedron.
     """
-    found = _within(V, nodes, nodes, weigh, 2)
-    few = np.setdiff1d(nodes, list(found))
-    found |= _within(V, few, nodes, weigh, 3) if few.size else {}
-    few = np.setdiff1d(few, list(found))
+    found, few = dict[int, tuple[Indices, Array]](), nodes
+    for rings in (2, 3):
+        found |= _within(V, few, nodes, weigh, rings) if few.size else {}
+        few = np.setdiff1d(few, list(found))
     if few.size:
         numbers, positions = _cells_at(V, few[:1])
         where = format_point(positions[numbers == few[0]][0])
@@ -178,26 +170,29 @@ def _stencils(V: Any, nodes: Indices, weigh: Weigh) -> dict[int, tuple[Indices, 
 def _within(
     V: Any, nodes: Indices, without: Indices, weigh: Weigh, rings: int
 ) -> dict[int, tuple[Indices, Array]]:
-    """See ``_stencils``: those of ``nodes`` that have enough neighbours within some rings."""
-    near = nodes
+    """Stencils of those of ``nodes`` that have enough neighbours within some rings."""
+    near, found = nodes, dict[int, tuple[Indices, Array]]()
     for _ in range(rings):
         near, at = _cells_at(V, np.unique(near))
-    where = dict(zip(near.ravel().tolist(), at.reshape(-1, at.shape[2]), strict=True))
-    ring, excluded, found = _neighbours(near), set(without.tolist()), {}
-    for node in nodes.tolist():
-        first = around = ring[node] - excluded
-        if weigh is _extrapolating or not first:
-            reached = {node}
-            for _ in range(rings):
-                reached = set().union(*(ring[n] for n in reached))
-            around = reached - excluded
-        numbers = np.array(sorted(around, key=lambda n: tuple(where[n])), np.int64)
-        offsets = np.array([where[n] - where[node] for n in numbers.tolist()]).reshape(
-            -1, at.shape[2]
-        )
-        weights = weigh(offsets)
+    numbers, cells = np.unique(near, return_inverse=True)
+    X, cells = np.empty((numbers.size, at.shape[2])), cells.reshape(near.shape)
+    X[cells] = at
+    ends = np.arange(len(near) + 1) * near.shape[1]
+    nodes_of = csr_array((np.ones(near.size), cells.ravel(), ends), (len(near), numbers.size))
+    ring = within = csr_array(nodes_of.T @ nodes_of)
+    for _ in range(rings - 1):
+        within = within @ ring
+    inside = ~np.isin(numbers, without)
+    for row in np.searchsorted(numbers, nodes):
+        for reached in (within,) if weigh is _extrapolating else (ring, within):
+            around = reached.indices[reached.indptr[row] : reached.indptr[row + 1]]
+            around = around[inside[around]]
+            if around.size:
+                break
+        around = around[np.lexsort(X[around].T[::-1])]
+        weights = weigh(X[around] - X[row])
         if weights is not None:
-            found[node] = numbers, weights
+            found[int(numbers[row])] = numbers[around], weights
     return found
 
 
@@ -234,15 +229,6 @@ def _cells_at(V: Any, nodes: Indices) -> tuple[Indices, Array]:
     cells = comm.allgather(numbers[local[touched]])
     positions = comm.allgather(V.tabulate_dof_coordinates()[local[touched], : mesh.geometry.dim])
     return np.concatenate(cells).astype(np.int64), np.concatenate(positions)
-
-
-def _neighbours(cells: Indices) -> dict[int, set[int]]:
-    """Nodes that share a cell with each node, the node itself included."""
-    ring: dict[int, set[int]] = {}
-    for cell in cells.tolist():
-        for node in cell:
-            ring.setdefault(node, set()).update(cell)
-    return ring
 
 
 class Origin(fem.Function):
@@ -290,7 +276,7 @@ class Rates(Value):
         time: Time [time].
         begun: Whether the accelerations are known.
         energy_deficit: Energy lost by errors of the time steps and not returned yet, see
-            ``path.report`` [stress length^2].
+            ``path.time_steps`` [stress length^2].
     """
 
     velocity: Array
@@ -385,12 +371,11 @@ class Inertia:
 
     def saved_data(self) -> dict[str, Any]:
         """All rates at the nodes of the mesh input, equal on all ranks."""
-        rates, data = self.rates, dict[str, Any]()
-        for attribute in fields(rates):
-            value = getattr(rates, attribute.name)
+        data = dict[str, Any]()
+        for name, value in vars(self.rates).items():
             if isinstance(value, np.ndarray):
                 _, value = by_input_node(self._space, self._function(value))
-            data[attribute.name] = np.asarray(value)
+            data[name] = np.asarray(value)
         return data
 
     def restore_data(self, data: Mapping[str, Any], u: Array) -> None:
@@ -414,19 +399,10 @@ class Inertia:
 
     # Contributions to the equations
 
-    def add_to_residual(self, r: PETSc.Vec, u: Array) -> None:
-        """Add the inertia forces at the displacement ``u``, shape (local dofs,) [length]."""
-        r.array[: self._space.num_owned] += self.forces(u)
-
     def add_to_tangent(self, K: PETSc.Mat, *, includes_mass: bool) -> None:
         """Add c M; ``includes_mass``: whether the pattern of M is part of that of ``K``."""
-        structures = PETSc.Mat.Structure
-        structure = (
-            structures.SUBSET_NONZERO_PATTERN
-            if includes_mass
-            else structures.DIFFERENT_NONZERO_PATTERN
-        )
-        K.axpy(self.factor, self.M, structure)
+        pattern = PETSc.Mat.Structure
+        K.axpy(self.factor, self.M, pattern.SUBSET if includes_mass else pattern.DIFFERENT)
 
     def forces(self, u: Array) -> Array:
         """Inertia forces M c (u - o) at the owned dofs [stress length]."""

@@ -42,30 +42,19 @@ class InputData:
     """Values that users may change between two solves.
 
     Args:
-        u: Displacement, alone or in a mixed function.
-        bcs: Dirichlet conditions of dolfinx.
+        bulk: The bodies.
         forms: UFL forms whose constants and functions are checked.
-        space: The displacement's nodes and dofs.
-        history: Functions of the forms that accepted steps update.
     """
 
-    def __init__(
-        self,
-        u: Any,
-        bcs: list[Any],
-        forms: Sequence[Any],
-        space: DisplacementSpace,
-        history: Sequence[Any] = (),
-    ) -> None:
-        self._u, self._bcs, self._space = u, bcs, space
-        self._mesh = space.V.mesh
-        self._comm: MPI.Comm = self._mesh.comm
+    def __init__(self, bulk: Bulk, forms: Sequence[Any]) -> None:
+        self._u, self._bcs, self._space = bulk.u, bulk.bcs, bulk.space
+        self._mesh, self._comm = bulk.V.mesh, bulk.comm
         self._constants = list(dict.fromkeys(c for form in forms for c in form.constants()))
         self._coefficients = {c for form in forms for c in form.coefficients()}
-        self._loads = self._coefficients - {u, *history}
-        self._prescribed = fem.Function(u.function_space)
+        self._loads = self._coefficients - {bulk.u, *bulk.history.functions}
+        self._prescribed = fem.Function(bulk.u.function_space)
         self._nodes = self._mesh.geometry.x.copy()
-        self._X = space.V.tabulate_dof_coordinates()[:, : space.dim].copy()
+        self._X = bulk.V.tabulate_dof_coordinates()[:, : bulk.space.dim].copy()
 
     def check(self) -> None:
         """Reject values that are not finite or differ between ranks, and moved meshes (collective).
@@ -75,27 +64,22 @@ class InputData:
         """
         self._check_mesh()
         values = self._u.x.array.copy()
-        count, where = self.count_nodes(~np.isfinite(values))
-        if count:
-            raise MortarError(
-                f"the displacement is not finite at {count} nodes, one at {where}; reset it, for "
-                "example to a copy made before the last solve"
-            )
-        compat.set_prescribed(values, self._bcs)
-        count, where = self.count_nodes(~np.isfinite(values))
-        if count:
-            raise MortarError(
-                f"the prescribed displacement is not finite at {count} nodes, one at {where}"
-            )
-        messages = [
-            f"a constant of the residual is {constant.value}"
-            for constant in self._constants
-            if not np.isfinite(constant.value).all()
-        ] + [
-            f"function '{function.name}' of the residual is not finite"
-            for function in self._coefficients
-            if not np.isfinite(function.x.array).all()
+        wrong = (
+            "the displacement is not finite at {} nodes, one at {}; reset it, for example to a "
+            "copy made before the last solve",
+            "the prescribed displacement is not finite at {} nodes, one at {}",
+        )
+        for message, bcs in zip(wrong, ([], self._bcs), strict=True):
+            compat.set_prescribed(values, bcs)
+            count, where = self.count_nodes(~np.isfinite(values))
+            if count:
+                raise MortarError(message.format(count, where))
+        data = [(c.value, f"a constant of the residual is {c.value}") for c in self._constants]
+        data += [
+            (f.x.array, f"function '{f.name}' of the residual is not finite")
+            for f in self._coefficients
         ]
+        messages = [message for value, message in data if not np.isfinite(value).all()]
         if on_any_rank(self._comm, bool(messages)):
             everywhere = set().union(*self._comm.allgather(set(messages)))
             raise MortarError("; ".join(sorted(everywhere)))
@@ -320,8 +304,7 @@ class Bulk:
         if before_assembly is not None:
             before_assembly = partial(call_together, self.comm, "before_assembly", before_assembly)
         self.history = History(history, before_assembly)
-        updated = self.history.functions
-        self.input_data = InputData(u, self.bcs, (residual, jacobian), space, updated)
+        self.input_data = InputData(self, (residual, jacobian))
         self._data: list[Array] = []
         self._K_is_whole = False  # true if K is up to date and without added terms
         self._constant: Any = None  # K of a linear residual, while other terms are added to K
@@ -366,7 +349,7 @@ class Bulk:
         for load in self.spread:
             load.add_to_residual(self)
         if self.inertia is not None:
-            self.inertia.add_to_residual(self.r, self.u.x.array)
+            self.r.array[: self.num_owned] += self.inertia.forces(self.values)
 
     @clock("tangent")
     def assemble_tangent(self) -> None:

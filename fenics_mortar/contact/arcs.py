@@ -115,20 +115,21 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
-from fenics_mortar.kernels.passage import tabulate_arcs
 from fenics_mortar.obstacles.rigid_motion import (
     TURNS,
     RigidMotion,
     crosses,
     inverse_factors,
     inverse_jacobians,
+    polar,
     rotation_by,
 )
-from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices, norms, read_only_view
+from fenics_mortar.utils.arrays import ROUNDING, TINY, angles_between, cross_in_plane, norms
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.interface.surfaces import Surface
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Largest relative rotation of two bodies in a step [radian]: 135 degrees. Their positions are also
 # those after a rotation in the other direction, of 225 degrees, which is no longer much larger.
@@ -188,14 +189,22 @@ def arc(
         beta: Rotation of the normal in the frame of constant velocity, likewise.
         gap: Gap g that contact closes, zero where a law acts at open gaps, likewise [length].
     """
-    shape, ends = theta.shape, [np.stack(end).reshape(2, -1, 2) for end in (now, start)]
-    slip, by_vectors = np.empty(theta.size), np.empty_like(ends[0])
-    by_angles = np.empty((4, theta.size))
-    closed = np.broadcast_to(gap, shape)
-    given = (read_only_view(np.ravel(values)) for values in (theta, beta, closed))
-    tabulate_arcs(*ends, *given, slip, by_vectors, by_angles)
-    vectors, others = by_vectors.reshape(2, *shape, 2), by_angles.reshape(4, *shape)
-    return Arc(*(slip.reshape(shape), *vectors, *others, -0.5 * theta))
+    (r, n), (r_0, n_0) = now, start
+    along, along_0 = cross_in_plane(n, r), cross_in_plane(n_0, r_0)
+    across, across_0 = (n * r).sum(axis=-1), (n_0 * r_0).sum(axis=-1)
+    moved, mean = along - along_0, 0.5 * (across + gap + across_0)
+    b, slope = (each.reshape(beta.shape) for each in inverse_factors(beta.reshape(-1, 1)))
+    factor, half = 1.0 + theta * b * beta, 0.5 * theta  # kappa = b beta
+    return Arc(
+        slip=factor * moved - theta * mean,
+        by_vector=factor[..., None] * quarter_turn(n) - half[..., None] * n,
+        by_start=-factor[..., None] * quarter_turn(n_0) - half[..., None] * n_0,
+        by_normal=-factor * across - half * along,
+        by_start_normal=factor * across_0 - half * along_0,
+        by_rotation=b * beta * moved - mean,
+        by_swept=theta * (b + slope * beta**2) * moved,
+        by_gap=-half,
+    )
 
 
 class Orientation(NamedTuple):
@@ -237,7 +246,7 @@ def orientation(o: MortarOperators, M: csr_array, planes: Array) -> Orientation:
     s, ds = evaluate_normals(o.slave, o.x, "opposite")
     n, dn = evaluate_normals(o.master, o.m, "opposite", planes=planes)
     v = np.asarray(M @ n)
-    return Orientation(normal_rotation(s, v), v, s, ds, n, dn)
+    return Orientation(angles_between(s, v), v, s, ds, n, dn)
 
 
 class Rotations(NamedTuple):
@@ -298,12 +307,7 @@ def doubt_beside_known(relative: Array, apart: Array, kept: Flags) -> Array:
 def surface_rotation(surface: Curve, x_0: Array, x: Array) -> Array:
     """Rotations of the averaged normals of nodes moved from ``x_0`` to ``x``, (n,) [radian]."""
     ends = (evaluate_normals(surface, positions, "opposite")[0] for positions in (x_0, x))
-    return normal_rotation(*ends)
-
-
-def normal_rotation(n_0: Array, n: Array) -> Array:
-    """Angles from normals ``n_0`` to ``n``, (..., 2) each, -pi ... pi [radian]."""
-    return np.arctan2(_dot(quarter_turn(n_0), n), _dot(n_0, n))
+    return angles_between(*ends)
 
 
 def rotated_by(v: Array, angle: Array) -> Array:
@@ -320,10 +324,6 @@ def _wrapped(angle: Array) -> Array:
     """Angles minus full turns, -pi ... pi [radian]."""
     full = np.round(angle / (2.0 * np.pi))
     return np.where(full == 0.0, angle, angle - 2.0 * np.pi * full)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("...c,...c->...", a, b)
 
 
 class Turned(NamedTuple):
@@ -393,9 +393,7 @@ class Material:
         products = (x[k][:, :, None] * self._spokes).reshape(-1, 9)
         sums = [np.bincount(j, c, self._count) for c in products.T]
         A = np.stack(sums, axis=1).reshape(-1, 3, 3).astype(float)
-        left, _, right = np.linalg.svd(A)
-        left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-        Q = left @ right
+        Q, _ = polar(A)
         P = A @ Q.swapaxes(1, 2)
         trace = np.trace(P, axis1=1, axis2=2)
         none = trace <= TINY  # no weights
@@ -666,7 +664,7 @@ def way_of(slave: Carried, master: Carried) -> Array:
     r_0, r_1 = slave.start - master.start, slave.end - master.end
     size = norms(slave.x - slave.end) + norms(master.x - master.end)
     common = _common(slave.turn, master.turn, r_0, r_1, size)
-    drift = r_1 - np.einsum("nab,nb->na", _rotations(common), r_0)
+    drift = r_1 - _times(_rotations(common), r_0)
     of_slave, of_master = (
         moved_by(side.turn - common, 0.5 * side.x - side.end) for side in (slave, master)
     )
@@ -693,12 +691,12 @@ def way_past(place: Place, slave: Carried, master: Carried) -> Array:
 def _passing(place: Place, side: Carried) -> Array:
     """Velocity of a side in the frame of a place, less half of that of a turn of x (local)."""
     turn = side.turn - place.turn
-    before = np.einsum("nab,nb->na", _rotations(place.turn), side.start - place.start)
+    before = _times(_rotations(place.turn), side.start - place.start)
     moved = side.end - place.end - before
     vectors = _in_space(-turn)
     bent = (side.straight[:, 0] == 0.0) & (norms(vectors) < np.pi)  # about a pole
     J = inverse_jacobians(np.where(bent[:, None], vectors, 0.0))[:, : moved.shape[1]]
-    moved = np.einsum("nab,nb->na", J[:, :, : moved.shape[1]], moved)
+    moved = _times(J[:, :, : moved.shape[1]], moved)
     return np.asarray(moved + moved_by(turn, 0.5 * side.x - side.end))
 
 
@@ -744,7 +742,7 @@ def _mean_of(touching: Touching, pair: float) -> tuple[Array, Array]:
 def turns_of_normals(n_0: Array, n: Array) -> Array:
     """Smallest rotations from unit normals n_0 to n, (k, dim) each, (k, 1 or 3) [radian]."""
     if n.shape[1] == 2:
-        return normal_rotation(n_0, n)[:, None]
+        return angles_between(n_0, n)[:, None]
     axis = np.cross(n_0, n)
     sine = norms(axis)
     angle = np.arctan2(sine, (n_0 * n).sum(axis=1))
@@ -797,8 +795,3 @@ def _rotations(turns: Array) -> Array:
     """Rotations by turns (n, 1 or 3), shape (n, dim, dim) [1]."""
     rows, number = np.unique(turns, axis=0, return_inverse=True)
     return np.array([rotation_by(row) for row in rows])[number.ravel()]
-
-
-def weighted(weights: Array, carried: Carried) -> Carried:
-    """The motions at material points, by ``weights`` (points, nodes) of nodes (local)."""
-    return Carried(*(np.asarray(weights @ values) for values in carried))

@@ -35,17 +35,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.arcs import (
-    Carried,
-    Led,
-    Place,
-    Touching,
-    carried_by,
-    place_between,
-    way_of,
-    way_past,
-    weighted,
-)
+from fenics_mortar.contact import arcs, law_calls
 from fenics_mortar.contact.fields import MAX_SOFTENING, ContactFields, SpaceFields, change_along
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import (
@@ -59,16 +49,9 @@ from fenics_mortar.contact.interface import (
     settable,
 )
 from fenics_mortar.contact.law import Frictionless, Nodal
-from fenics_mortar.contact.law_calls import (
-    Instant,
-    LawCalls,
-    Parameters,
-    first_instant,
-    raise_stored,
-)
 from fenics_mortar.contact.rows import ContactRows, MultiplierNodes, next_sets, normals_on_planes
 from fenics_mortar.contact.slip import find_partners
-from fenics_mortar.contact.space_partners import find_obstacle_partners, find_space_partners
+from fenics_mortar.contact.space_partners import find_space_partners
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
@@ -115,6 +98,7 @@ class Contact(Interface):
 
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
     attracted, on_obstacle = read_only("now.attracted"), read_only("now.on_obstacle")
+    arm = read_only("evaluation.arm")
 
     def __init__(
         self,
@@ -151,7 +135,7 @@ class Contact(Interface):
             self._multiplier_nodes.possible &= ~self.tied
         self.may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
-        self._find_guides()
+        planes = self._find_guides()
         self.oblique = self._multiplier_nodes.oblique
         if self.master is self.slave:
             self.may_carry[starts_of_holes(self.slave)] = False
@@ -161,17 +145,15 @@ class Contact(Interface):
         self.omit_softening(always=False)
         self.set_aside: Flags = np.zeros(self.slave.num_nodes, bool)
         self.turns: Callable[[], tuple[Array, ...]] = lambda: ()
-        self.arm = self.slave.extent
         on_surface = self.obstacle is None
         radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
         points = points_per_segment(pair, self.slave, self.master)
         options = choice.options(points, pair.search_radius or radius)
         self.options = replace(options, basis=self.basis)
-        planes = self.plane_normals if self.slave.dim == 2 else self._projectors()
-        given = self.slave, self.master, self.obstacle, self.arm, planes, self.options
+        given = self.slave, self.master, self.obstacle, self.slave.extent, planes, self.options
         self.evaluation = OperatorEvaluation(*given, small=pair.sliding == "small")
-        self._parameters = Parameters(space, self.slave)
-        self.law_calls = LawCalls(pair)
+        self._parameters = law_calls.Parameters(space, self.slave)
+        self.law_calls = law_calls.LawCalls(pair)
         self.adopt_law()
         none, X = np.zeros(self.slave.num_nodes), self.slave.X
         memory = self.state.accepted_instant.memory
@@ -180,28 +162,30 @@ class Contact(Interface):
         at_rest = np.zeros(none.size, np.int64)
         branch = self.law_calls.branch(start, at_rest)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
-        raise_stored(self.slave.comm, [self])
+        law_calls.raise_stored(self.slave.comm, [self])
         self.all_fluxes = [
             Flux(conductance, column, space, self, prescribed)
             for column, conductance in enumerate(pair.fluxes)
         ]
         self.change(conduction=np.zeros((self.slave.num_nodes, len(pair.fluxes))))
         self.fluxes = [flux for flux in self.all_fluxes if not flux.is_separate]
+        self.conductances = self.fluxes
 
-    def _find_guides(self) -> None:
+    def _find_guides(self) -> Array:
         """Find nodes to which the law applies, and directions in which those on planes are held.
 
         Where one component in space is prescribed, the law applies along the symmetry plane.
+
+        Returns:
+            ``OperatorEvaluation.planes``.
         """
         num_free = self.free.sum(axis=1)
         on_plane = np.isfinite(self.plane_normals[:, 0])
         self.is_guided: Flags = on_plane & (num_free == 2.0) & (self.slave.dim == 3)
         self.guides: Array = np.where(self.is_guided[:, None], 1.0 - self.free, 0.0)
         self.follows_law: Flags = (num_free == self.slave.dim) | self.is_guided
-
-    def _projectors(self) -> Array:
-        """Matrices that remove the prescribed components of normals on symmetry planes."""
-        on_plane = np.isfinite(self.plane_normals[:, 0])
+        if self.slave.dim == 2:
+            return self.plane_normals
         kept = np.where(on_plane[:, None], self.free, 1.0)
         return kept[:, :, None] * np.eye(self.slave.dim)
 
@@ -217,14 +201,15 @@ class Contact(Interface):
         self.set_aside = nodes
 
     def limit_sight(self, outline: Outline) -> Outline:
-        """See ``Interface``; the outline limits the distance of partners behind the slave."""
+        """Store the outlines, which limit the distance of partners behind the slave (local)."""
         self.evaluation.limit_sight(outline)
         return outline
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
-        if self._law is not self.pair.law or self._state.start_instant.begins(self.pair.law):
-            self._read_law(self._state.start_instant)
+        law, start = self.pair.law, self._state.start_instant
+        if self._law is not law or tuple(start.memory) != tuple(law.memory):
+            self._read_law(start)
         operators, reference = self.evaluation.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
@@ -252,16 +237,6 @@ class Contact(Interface):
         """``master_planes`` [1] if the surfaces may rotate; ``None`` with small sliding."""
         return None if self.pair.sliding == "small" else self.master_planes
 
-    def restore_reference(self, place: Array, multiplier_nodes: Flags) -> None:
-        """Evaluate the operators of the undeformed mesh of an earlier state (collective).
-
-        Args:
-            place: ``place_of`` the state's reference, shape (m,).
-            multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
-        """
-        reference = self.evaluation.reference_at(place, multiplier_nodes)
-        self.change(reference=reference, multiplier_nodes=multiplier_nodes)
-
     @property
     def partner_operators(self) -> Any:
         """Operators at the positions that define the partners; undeformed if sliding is small."""
@@ -275,7 +250,7 @@ class Contact(Interface):
 
     def set_arm(self, arm: float) -> None:
         """Set the length by which angles of the obstacle are multiplied [length]."""
-        self.arm = self.evaluation.arm = arm
+        self.evaluation.arm = arm
 
     def adopt(self, other: Contact) -> None:
         """Copy offset, c_n and frozen operators from this pair in another model (local)."""
@@ -343,65 +318,55 @@ class Contact(Interface):
         """Partners at the accepted state of some fields (collective)."""
         o = fields.operators
         least = self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)
-        mirrored = None if self.pair.sliding == "small" else self._mirrored
-        if self.slave.dim == 3 and self.obstacle is not None:
-            return find_obstacle_partners(o, least, mirrored=mirrored)
+        given = o, fields.per_weight, self.slip_measure
         if self.slave.dim == 3:
-            return find_space_partners(
-                o, fields.covered, self.slip_measure, least=least, mirrored=mirrored
-            )
-        return find_partners(
-            o, fields.covered, self.slip_measure, least=least,
-            master_planes=self.rotating_planes, between=self.pair.law.has_friction,
-        )  # fmt: skip
+            mirrored = None if self.pair.sliding == "small" else self._mirrored
+            return find_space_partners(*given, least=least, mirrored=mirrored)
+        planes, between = self.rotating_planes, self.pair.law.has_friction
+        return find_partners(*given, least=least, master_planes=planes, between=between)
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state (local)."""
         self.change(partners=self.accepted_partners, start_instant=self._state.accepted_instant)
 
-    @property
-    def may_be_led(self) -> bool:
-        """Whether the pair depends on slip, and its bodies may turn."""
-        law = self.pair.law
-        return self.pair.sliding != "small" and (law.has_friction or law.needs_nodal_state)
-
-    def lead(self, outline: Outline, carried: Carried) -> None:
-        """Count slip of nodes without force from where motions carry them (collective).
-
-        See ``arcs``; at the start of a step, in which ``partners`` are those of its start.
-
-        Args:
-            outline: Outlines of the bodies of all pairs.
-            carried: Their nodes after the motions.
-        """
-        self._lead(self.partners, outline, carried, None)
-
-    def lead_by_solution(self, outline: Outline, carried: Carried, bodies: Indices) -> float:
+    def lead_by_solution(self, outline: Outline, carried: arcs.Carried, bodies: Indices) -> float:
         """As ``lead``, by the motions of bodies to the present state (collective).
 
         Args:
-            outline: Outlines of the bodies of all pairs.
-            carried: Their nodes after the motions.
-            bodies: Bodies of these nodes.
+            outline: See ``lead``, as the next two.
+            carried: Nodes after the motions.
+            bodies: Their bodies.
 
         Returns:
             Largest change of the slip of active nodes, over their way by turns [1].
         """
         before, kept = self.slip, self.partners
-        way = self._lead(self.accepted_partners, outline, carried, bodies)
+        way = self.lead(self.accepted_partners, outline, carried, bodies)
         counts = self.active & (self.partners.pressure == 0.0)
         if self.partners is kept or not counts.any():
             return 0.0
         change = (self.slip - before)[counts].reshape(int(counts.sum()), -1)
         return float(norms(change).max()) / max(float(way[counts].max()), TINY)
 
-    def _lead(
-        self, partners: Any, outline: Outline, carried: Carried, bodies: Indices | None
+    def lead(
+        self, partners: Any, outline: Outline, carried: arcs.Carried, bodies: Indices | None = None
     ) -> Array:
-        """See ``lead``; returns the ways of nodes by turns, (slave nodes,) [length]."""
+        """Count slip of nodes without force from where motions carry them, see ``arcs``.
+
+        Collective.
+
+        Args:
+            partners: Partners at the start of the step.
+            outline: Outlines of the bodies of all pairs.
+            carried: Their nodes after the motions.
+            bodies: Bodies of these nodes, for motions to the present state.
+
+        Returns:
+            Ways of nodes by turns, shape (slave nodes,) [length].
+        """
         new = partners.pressure == 0.0
         at = [outline.indices_of(side.nodes) for side in (self.slave, self.master)]
-        slave, master = (Carried(*(values[i] for values in carried)) for i in at)
+        slave, master = (arcs.Carried(*(values[i] for values in carried)) for i in at)
         turns = np.concatenate([slave.turn, master.turn])
         if not new.any() or not turns.any() or np.isnan(turns).any():
             return np.zeros(len(new))  # from a start that one side has left only, slip is wrong
@@ -411,25 +376,25 @@ class Contact(Interface):
         there = self.partners_at(type(self.now)(self, self._state, o))
         place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
         if self.obstacle is None:
-            master = weighted(there.M, master)
+            master = arcs.Carried(*(there.M @ values for values in master))
         else:
-            master = carried_by(self.obstacle, partners.place, there.feet)
-        way = way_of(slave, master)
+            master = arcs.carried_by(self.obstacle, partners.place, there.feet)
+        way = arcs.way_of(slave, master)
         if bodies is not None:
             faced = [np.rint(each.M @ (bodies[at[1]] + 1)) for each in (partners, there)]
             of_pairs = self._place_of(partners, bodies[at[0]] + 1, *faced)
             told = np.isfinite(of_pairs.start[:, 0])
-            way[told] = way_past(of_pairs, slave, master)[told]
+            way[told] = arcs.way_past(of_pairs, slave, master)[told]
             led = self.partners.led
             new &= told if led is None else told | led.new
             new &= bodies[at[0]] + 1 != faced[1]
         at_new = (np.where(new[:, None], values, 0.0) for values in (slave.turn - master.turn, way))
-        led = Led(new, slave.x, o.m, place, self.turns(), *at_new)
+        led = arcs.Led(new, slave.x, o.m, place, self.turns(), *at_new)
         self.change(partners=partners.led_by(there, led))
         sides = (norms(side.turn) * norms(side.x - side.end) for side in (slave, master))
         return np.add(*sides)
 
-    def _place_of(self, partners: Any, own: Indices, before: Array, after: Array) -> Place:
+    def _place_of(self, partners: Any, own: Indices, before: Array, after: Array) -> arcs.Place:
         """Motion of the place of contact of each two bodies, to the present state (local).
 
         Args:
@@ -441,11 +406,11 @@ class Contact(Interface):
         x, count = (partners.x, self.operators.x), 1 + own.max(initial=0)
         loads = partners.pressure, np.where(self.active, self.now.z_n, 0.0)
         ends = [
-            Touching(at, evaluate_normals(self.slave, at, "opposite")[0],
+            arcs.Touching(at, evaluate_normals(self.slave, at, "opposite")[0],
                      self.slave.nodal_areas * np.maximum(load, 0.0), own + count * other)
             for at, load, other in zip(x, loads, (before, after), strict=True)
         ]  # fmt: skip
-        return place_between(*ends)
+        return arcs.place_between(*ends)
 
     def omit_softening(self, *, always: bool) -> None:
         """Leave the derivative of softening adhesion out, always or of fast softening (local)."""
@@ -461,7 +426,7 @@ class Contact(Interface):
         if self._read_law(before) is not before:
             self.change(accepted_instant=self._state.start_instant)
 
-    def _read_law(self, before: Instant | None) -> Instant:
+    def _read_law(self, before: law_calls.Instant | None) -> law_calls.Instant:
         """Read parameters and memory of the present law; results may be asked for at any time.
 
         Collective.
@@ -475,9 +440,9 @@ class Contact(Interface):
         law = self.pair.law
         self.parameters = self._parameters.sample(law) if law.fields else {}
         self._law = law  # not one whose parameters cannot be read
-        if before is not None and not before.begins(law):
+        if before is not None and tuple(before.memory) == tuple(law.memory):
             return before
-        first = first_instant(law, self.slave, 0.0 if before is None else before.time)
+        first = law_calls.first_instant(law, self.slave, 0.0 if before is None else before.time)
         self.change(start_instant=first)
         return first
 
@@ -571,7 +536,7 @@ def _check_time(contact: Contact) -> None:
         )
 
 
-def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant | None]:
+def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[law_calls.Instant | None]:
     """Time and memory of all pairs at the end of the present step; ``None`` for ties (collective).
 
     Raises:
@@ -579,7 +544,7 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
         MortarError: On all ranks, if the memory of a law differs between ranks.
     """
     found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
-    raise_stored(comm, contacts)
+    law_calls.raise_stored(comm, contacts)
     memories = [
         (f"{name} of {contact.pair.law!r}", values)
         for contact, instant in zip(contacts, found, strict=True)
@@ -591,16 +556,16 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
     return found
 
 
-def _instant_of(contact: Contact) -> Instant:
+def _instant_of(contact: Contact) -> law_calls.Instant:
     """Time and memory at the end of the present step (local)."""
     node = contact.nodal
     memory = node.memory
     if contact.pair.law.memory:
         memory = contact.law_calls.remember(node, contact.branch)
-    return Instant.of(contact.state.load_time, node.step, memory)
+    return law_calls.Instant.of(contact.state.load_time, node.step, memory)
 
 
-def commit(contacts: Sequence[Interface], instants: Sequence[Instant | None]) -> None:
+def commit(contacts: Sequence[Interface], instants: Sequence[law_calls.Instant | None]) -> None:
     """Set the accepted time and memory, from which the next step starts (local)."""
     for contact, instant in zip(contacts, instants, strict=True):
         contact.change(accepted_instant=instant)

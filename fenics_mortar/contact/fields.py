@@ -59,7 +59,6 @@ from fenics_mortar.contact.law import (
 from fenics_mortar.interface.mortar import Block, scaled
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, Array, Flags
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -100,6 +99,9 @@ class ContactFields(InterfaceFields):
         covered_gap: ``closing_gap``, zero at uncovered nodes, (slave nodes,) [length].
         row_tangents: Direction of the tangential row, (slave nodes, 2), in space of two [1].
         adhesion: Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length].
+        counted_slip: Slip that a step may keep, (slave nodes,) [length]; in space its vectors.
+        counted_shear: Shear from which redundant sticks start, (slave nodes,) [stress]; in space
+            its vectors.
     """
 
     covered: Any = property(attrgetter("gaps.covered"))
@@ -109,17 +111,20 @@ class ContactFields(InterfaceFields):
     covered_gap: Any = property(attrgetter("nodal.gap"))
     row_tangents: Any = property(attrgetter("operators.tau"))
     adhesion: Any = property(attrgetter("pull.residual", "pull.by_gap"))
+    counted_slip: Any = property(attrgetter("slip"))
+    counted_shear: Any = property(attrgetter("z_tau"))
 
     @field("multiplier_nodes")
     def gaps(self) -> Gaps:
         """Covered nodes and mean gaps."""
-        o, count = self.operators, len(self.state.z)
-        gaps = Gaps(np.empty(count, bool), np.empty(count))
-        complementarity.tabulate_gaps(
-            o.gap, o.weight, o.diagonal, self.nodal_areas, self.state.multiplier_nodes, ROUNDING,
-            *gaps,
-        )  # fmt: skip
-        return gaps
+        o = self.operators
+        covered = self.state.multiplier_nodes & (o.diagonal > ROUNDING * self.nodal_areas)
+        return Gaps(covered, np.where(covered, o.gap, 0.0) / np.where(covered, o.weight, 1.0))
+
+    @field("multiplier_nodes")
+    def per_weight(self) -> Array:
+        """1 / w_j at covered nodes, else 0, (slave nodes,) [1 / length], in space [1 / area]."""
+        return np.where(self.covered, 1.0, 0.0) / np.where(self.covered, self.operators.weight, 1.0)
 
     @field("multiplier_nodes")
     def gap(self) -> Array:
@@ -134,7 +139,7 @@ class ContactFields(InterfaceFields):
             return Row(none, none, none, none, none)
         node = self.nodal
         opened = replace(node, gap=np.maximum(node.gap, 0.0))
-        row = self.interface.law_calls.adhesion_at(opened, self.covered)
+        row = self.interface.law_calls.row("adhesion_at", opened, self.covered)
         row = self.without_slip_on_planes(row)
         row = row._replace(residual=row.residual + row.by_gap * np.minimum(node.gap, 0.0))
         return Row(*(np.where(self.covered, values, 0.0) for values in row))
@@ -155,19 +160,18 @@ class ContactFields(InterfaceFields):
 
     @field(*LAW_ATTRIBUTES, "active")
     def acts(self) -> Flags:
-        """See ``InterfaceFields``."""
+        """Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool."""
         return self.state.active | self.attracted
 
     def friction_limit(self, pressure: Array) -> Array:
         """Friction limits at pressures (slave nodes,) and closed gaps [stress]."""
         node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
-        of_node = self.interface.pair.law.needs_nodal_state
-        return self.interface.law_calls.friction_limit(node, of_node=of_node)
+        return self.interface.law_calls.friction_limit(node)
 
     def adhesion_at_gap(self, gap: Array) -> Array:
         """Adhesion at gaps (slave nodes,) [length], likewise [stress]."""
         node = replace(self.nodal, gap=gap)
-        return self.interface.law_calls.adhesion_at(node, self.covered).residual
+        return self.interface.law_calls.row("adhesion_at", node, self.covered).residual
 
     def largest_adhesion(self) -> Array:
         """Largest adhesion at gaps of up to a facet, shape (slave nodes,) [stress].
@@ -200,11 +204,6 @@ class ContactFields(InterfaceFields):
         on_plane = np.isfinite(self.interface.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
-    @property
-    def counted_slip(self) -> Array:
-        """Slip that a step may keep, (slave nodes,) [length]; in space its vectors."""
-        return self.slip
-
     @field(*LAW_ATTRIBUTES)
     def arguments(self) -> Arguments:
         """Arguments of the law, and its closing gap: the mean gap where no node is covered."""
@@ -220,33 +219,29 @@ class ContactFields(InterfaceFields):
         )  # fmt: skip
         if not law.has_closing_gap:
             return Arguments(node, None)
-        row = self.without_slip_on_planes(interface.law_calls.closing_gap(node, on))
+        row = interface.law_calls.row("closing_gap", node, on)
+        row = self.without_slip_on_planes(row)
         plain = Row(node.gap, 1.0, 0.0, 0.0, 0.0)
         closing = Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
         return Arguments(replace(node, gap=closing.residual), closing)
 
     @property
-    def of_geometry(self) -> Nodal:
-        """Arguments of the law with the mean gap."""
-        return replace(self.nodal, gap=self.mean_gap)
-
-    @property
     def closing_gap(self) -> Array:
-        """See ``InterfaceFields``."""
+        """Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length]."""
         if not self.interface.pair.law.has_closing_gap:
             return self.gap
         return self.fill_inside(np.where(self.covered, self.nodal.gap, np.nan))
 
     @property
     def offset(self) -> Array:
-        """See ``InterfaceFields``; minus the thickness of the law's layer."""
+        """Length subtracted from the pointwise gap: minus that of the law's layer [length]."""
         if not self.interface.pair.law.has_closing_gap:
             return np.asarray(self.state.offset)
         return np.asarray(self.state.offset - (self.nodal.gap - self.mean_gap))
 
     @property
     def sticking(self) -> Flags:
-        """See ``InterfaceFields``."""
+        """Whether an active node sticks, shape (slave nodes,), bool."""
         return self.state.active & (self.state.branch == STICK) & self.interface.follows_law
 
     @property
@@ -257,7 +252,7 @@ class ContactFields(InterfaceFields):
 
     @property
     def friction_work(self) -> float:
-        """See ``InterfaceFields``."""
+        """Work of the shear at the end of the step along the slip in it [stress length^2]."""
         return float(self.shear_force @ self.slip)
 
     @field(*RULED)
@@ -273,7 +268,8 @@ class ContactFields(InterfaceFields):
             follows_law = self.interface.follows_law
             if not law.bridges_gap:
                 follows_law = follows_law & ~self.attracted
-            given = self.interface.law_calls.tangential(node, state.branch, follows_law)
+            calls = self.interface.law_calls
+            given = calls.row("tangential", node, follows_law, state.branch)
             row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
         zero = np.zeros(len(state.z))
         row = Row(*np.broadcast_arrays(*row, zero)[:-1])
@@ -306,11 +302,6 @@ class ContactFields(InterfaceFields):
         if closing is not None:
             rows = [*(chain_rule(row, closing) for row in rows), closing]
         return tuple([self.at_gaps(row) if np.any(row.by_slip) else row for row in rows])
-
-    @property
-    def counted_shear(self) -> Array:
-        """Shear from which redundant sticks start, (nodes,) [stress]; in space its vectors."""
-        return self.z_tau
 
     @property
     def shear_of_stick(self) -> Array:
@@ -364,7 +355,7 @@ class ContactFields(InterfaceFields):
         """Derivative of the slip with respect to the mean gap, shape (slave nodes,) [1]."""
         partners, planes = self.state.partners, self.interface.plane_normals
         on = self.covered & np.isfinite(partners.least) & ~np.isfinite(planes[:, 0])
-        return np.where(on, partners.arc(self.operators).by_gap, 0.0)
+        return np.where(on, partners.at(self.operators).arc.by_gap, 0.0)
 
     @property
     def decreases_fast(self) -> Flags:
@@ -374,7 +365,10 @@ class ContactFields(InterfaceFields):
 
     @property
     def steepness(self) -> float:
-        """See ``InterfaceFields``; zero for laws of the package."""
+        """Largest d(nodal force)/d(slip), where it may exceed the bulk's stiffness [stress].
+
+        Zero for laws of the package.
+        """
         if type(self.interface.pair.law) in BUILT_IN:
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
@@ -437,8 +431,7 @@ def change_along(
 
 def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
     """Change of the mean gaps, (..., slave nodes); zero where not covered; see ``change_along``."""
-    change = change_along(f, f.operators.gap_derivative(), on_slave, on_master)
-    return np.where(f.covered, change / np.where(f.covered, f.operators.weight, 1.0), 0.0)
+    return f.per_weight * change_along(f, f.operators.gap_derivative(), on_slave, on_master)
 
 
 def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
@@ -487,6 +480,10 @@ class Directions(NamedTuple):
 class SpaceFields(ContactFields):
     """Fields of a contact in space; slip and z_tau are the components along e, see above."""
 
+    counted_slip: Any = property(attrgetter("slip_vector"))
+    counted_shear: Any = property(attrgetter("shear"))
+    slip_in_space: Any = property(attrgetter("tangential_slip"))
+
     @field("partners")
     def slip_vector(self) -> Array:
         """Vector s^ of slip since the accepted state, shape (slave nodes, 3) [length].
@@ -498,13 +495,8 @@ class SpaceFields(ContactFields):
 
     @property
     def acting(self) -> Any:
-        """See ``InterfaceFields``."""
+        """Operators with derivatives of the facets whose multipliers act or are not zero."""
         return self.operators.near(self.acts | self.state.z.any(axis=1))
-
-    @property
-    def counted_slip(self) -> Array:
-        """See ``ContactFields``."""
-        return self.slip_vector
 
     @property
     def _has_slip(self) -> bool:
@@ -545,7 +537,7 @@ class SpaceFields(ContactFields):
 
     @field(*LAW_ATTRIBUTES)
     def parts(self) -> Parts:
-        """See ``InterfaceFields``; the tangential part is that along e."""
+        """Normal part of the multipliers, and their part along e."""
         z_n = normal_parts(self.operators.n, self.z_u)
         return Parts(z_n, normal_parts(self.directions.along, self.z_u))
 
@@ -562,42 +554,28 @@ class SpaceFields(ContactFields):
         forces = o.rounding_of_vectors() * self.interface.foundation * self.state.active
         return max(steepest, float(np.sqrt((forces**2).mean())))
 
-    @property
-    def slip_in_space(self) -> Array:
-        """See ``InterfaceFields``."""
-        return self.tangential_slip
-
     @field(*LAW_ATTRIBUTES)
     def slip(self) -> Array:
-        """See ``InterfaceFields``; the component along e."""
+        """Component along e of the slip since the last accepted step, (slave nodes,) [length]."""
         return np.einsum("ja,ja->j", self.directions.along, self.tangential_slip)
 
     @property
-    def counted_shear(self) -> Array:
-        """See ``ContactFields``."""
-        return self.shear
-
-    @property
     def shear_of_stick(self) -> Array:
-        """See ``ContactFields``; the component along e."""
+        """Component along e of the shear of redundant sticks since the accepted state [stress]."""
         return normal_parts(self.directions.along, self.z_u - self.state.partners.shear)
 
     @property
     def tangents(self) -> tuple[Array, Array]:
-        """See ``ContactFields``."""
+        """Tangents that laws do not turn, one or two in space, (slave nodes, dim) each [1]."""
         return self.fixed_tangents, np.cross(self.operators.n, self.fixed_tangents)
 
     def along_tangents(self, vectors: Array) -> Array:
-        """See ``ContactFields``."""
+        """Components of vectors (slave nodes, dim) along ``tangents`` [their unit]."""
         return np.stack([normal_parts(tangent, vectors) for tangent in self.tangents], axis=1)
-
-    def at_gaps(self, row: Row) -> Row:
-        """The row: slip does not depend on the gap."""
-        return row
 
     @field(*RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:
-        """See ``ContactFields``."""
+        """``law_rows`` with derivatives by vectors; in space along two tangents, then along n."""
         tangential, *others = self.law_rows
         return *self._tangential_rows(tangential), *(self.by_vectors(row) for row in others)
 
@@ -632,18 +610,12 @@ class SpaceFields(ContactFields):
         isotropic = (as_law | (size == 0.0)) & ~self.interface.is_guided
         of_z = np.where(isotropic, by_tau, 1.0 - ratio)
         of_s = np.where(isotropic, by_u, -ratio * weight)
-        across = self._row(
-            np.where(isotropic, by_tau * t_z + by_u * t_s, t_z),
-            none,
-            none,
-            ((of_z, t),),
-            ((of_s, t),),
-        )
-        return along, across
+        residual = np.where(isotropic, by_tau * t_z + by_u * t_s, t_z)
+        return along, self._row(residual, none, none, ((of_z, t),), ((of_s, t),))
 
     @property
     def slip_by_gap(self) -> Array:
-        """See ``ContactFields``: none."""
+        """Derivative of the slip with respect to the mean gap [1]: zero."""
         return np.zeros(len(self.z_u))
 
     @property
@@ -669,7 +641,7 @@ class SpaceFields(ContactFields):
         )  # fmt: skip
 
     def slip_derivative(self, along: Array) -> Iterator[Block]:
-        """See ``ContactFields``; for vectors ``along`` (slave nodes, 3)."""
+        """Blocks of this rank of along_j . ds_j, for vectors ``along`` (slave nodes, 3)."""
         return self.state.partners.derivative(self.operators, along)
 
     def _row(

@@ -55,7 +55,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import csr_array, diags, eye, hstack
+from scipy.sparse import csr_array, diags, hstack
 
 from dolfinx import fem
 
@@ -69,55 +69,56 @@ from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.law_calls import Conductance, ConductanceValue
-    from fenics_mortar.interface.mortar import MortarOperators, NumberedColumns
+    from fenics_mortar.interface.mortar import NumberedColumns
     from fenics_mortar.mesh.space import DisplacementSpace
+
+
+# Signs of slave and master in jumps and loads.
+SIGNS = (1.0, -1.0)
 
 
 class FluxValues:
     """Fluxes of both sides at the slave nodes, and their derivatives.
 
+    The constructor is collective.
+
     Args:
-        law: The conductance.
+        flux: The flux, with the present field.
         f: Fields of the contact.
-        T, T_master: The field at the nodes of both sides.
-        cells: Conduction of the cells beside the nodes per area, (slave nodes,) [flux / field].
-        spread: The matrix A, shape (slave nodes, slave nodes) [1].
-        q: Conduction of the carriers in the state, (slave nodes,) [flux]; ``None``: h [T].
-        stiffest: e_max over the conduction of the cells [1].
 
     Attributes:
+        f, o: Fields and operators of the contact.
+        weight: Weights w_j of covered nodes, else 0, shape (slave nodes,) [length].
+        jumps: D E - M E, derivative of the weighted jumps by the field, (slave nodes, d) [length].
+        conductance: h at the nodes, shape (slave nodes,) [flux / field].
         q: Conduction of the carriers, shape (slave nodes,) [flux].
         next_q: That of a Newton step without increments, shape (slave nodes,) [flux].
+        kept: Part of q that this keeps, 1 - e / h, shape (slave nodes,) [1].
+        is_exact: Whether it does not depend on q, shape (slave nodes,), bool.
         row: min(h, conduction of the cells) times the row of q, shape (slave nodes,) [flux].
+        conduction: Flux by conduction at the nodes, shape (slave nodes,) [flux].
     """
 
-    def __init__(
-        self,
-        law: Conductance,
-        f: ContactFields,
-        T: Array,
-        T_master: Array,
-        cells: Array,
-        spread: csr_array,
-        q: Array | None,
-        stiffest: float,
-    ) -> None:
-        self._law, self.f, self.T, self.T_master = law, f, T, T_master
-        self.o: MortarOperators = f.operators
-        self.on, self._spread = f.covered, spread
+    def __init__(self, flux: Flux, f: ContactFields) -> None:
+        law, cells = flux.law, flux.cells
+        self._law, self._traces, self._is_finite = law, flux.traces, flux.is_separate
+        self._dofs, self._spread = flux.dofs, flux.spreads[law.is_perfect]
+        self.f, self.o, self.on = f, f.operators, f.covered
         self.weight: Array = np.where(self.on, self.o.weight, 0.0)
-        D, M = self.o.matrices
-        self._reference = 0.0 if law.temperature is None else law.on_obstacle
-        jump = D @ (T - self._reference) - M @ (T_master - self._reference)
-        self._is_finite = q is None
+        field = flux.T - law.on_obstacle  # on both sides
+        self._fields = [E @ field for E in flux.interpolations]
+        self._sides = [A @ E for A, E in zip(self.o.matrices, flux.interpolations, strict=False)]
+        signed = (sign * side for sign, side in zip(SIGNS, self._sides, strict=False))
+        self.jumps = csr_array(sum(signed))
         self.h, self._power = self._of_law()
         self.conductance = np.where(self.on & (self.weight > 0.0), self.h.h, 0.0)
-        self._set_means(np.where(self.on, jump, 0.0))
-        self.e, stiff = np.minimum(self._h, stiffest * cells), self._h > cells
-        self.is_exact: Flags = self.e == self._h  # q' does not depend on q
-        self.q = self._h * self._jump if q is None else q
+        self._set_means(np.where(self.on, self.jumps @ field, 0.0))
+        self.e, stiff = np.minimum(self._h, flux.stiffest * cells), self._h > cells
+        self.is_exact: Flags = self.e == self._h
+        self.q = self._h * self._jump if flux.is_separate else f.state.conduction[:, flux.column]
         self._per_h = np.where(stiff, self.q / np.where(stiff, self._h, 1.0), self._jump)
         self._ratio = np.where(self.is_exact, 1.0, self.e / np.where(self._h > 0.0, self._h, 1.0))
+        self.kept = 1.0 - self._ratio
         self.next_q = self.e * self._jump + self.kept * self.q
         least = np.where(stiff, cells, self.e) / np.where(self.e > 0.0, self.e, 1.0)
         self.row = (self.next_q - self.q) * np.where(self.e > 0.0, least, 1.0)
@@ -181,18 +182,13 @@ class FluxValues:
         """Heat of the carriers over their areas, at the nodes, for fluxes ``q`` (n,) [flux]."""
         return self.at_nodes(self._per_weight * (self._spread.T @ (self.weight * q)))
 
-    @property
-    def kept(self) -> Array:
-        """Part of q that q' keeps, 1 - e / h, (slave nodes,) [1]."""
-        return np.asarray(1.0 - self._ratio)
-
     def at_nodes(self, of_carriers: Array) -> Array:
         """Values at covered nodes, else 0, of values at carriers, (slave nodes,) [their unit]."""
         return np.where(self.on, self._to_nodes @ of_carriers, 0.0)
 
     @cached_property
-    def _heating(self) -> Row:
-        """The source and its derivatives, zero where open."""
+    def source(self) -> Row:
+        """The source, power per area, and its derivatives, zero where open [flux]."""
         f, law = self.f, self._law
         closed = f.state.active & self.on
         if callable(law.heating):
@@ -200,37 +196,35 @@ class FluxValues:
             pressed = closed & (f.z_n > 0.0)
             return Row(np.where(closed, power, 0.0), by_z_n=np.where(pressed, slope, 0.0))
         if law.heating is None or not f.interface.pair.law.has_friction:
-            return Row(np.zeros(len(self.T)))
+            return Row(np.zeros_like(self.weight))
         node = f.nodal
         rubs = np.where(closed & f.interface.follows_law, 1.0 / node.step, 0.0)
         row = Row(rubs * f.z_tau * f.slip, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip)
         return f.at_gaps(row)
-
-    @property
-    def largest_source(self) -> float:
-        """Largest source of a node by friction with a slip of one [flux] (local)."""
-        by_slip = np.abs(np.zeros_like(self.weight) + self._heating.by_slip)
-        return float((self.weight * by_slip).max(initial=0.0))
-
-    @property
-    def friction(self) -> Array:
-        """Source, power per area, (slave nodes,) [flux]."""
-        return np.asarray(self._heating.residual)
 
     def of_sides(self, q: Array) -> tuple[Array, Array]:
         """Fluxes that leave the slave and enter the master, for ``q`` of carriers (slave nodes,).
 
         Shape (slave nodes,) each [flux].
         """
-        on_slave = self.at_nodes(q) - self._law.share * self.friction
-        return on_slave, on_slave + self.friction
+        on_slave = self.at_nodes(q) - self._law.share * self.source.residual
+        return on_slave, on_slave + self.source.residual
+
+    def loads(self, q: Array) -> list[Array]:
+        """Loads of the field's dofs by the fluxes of each side, see ``of_sides`` (d,) [load]."""
+        sides = zip(SIGNS, self._sides, self.of_sides(q), strict=False)
+        return [sign * (side.T @ flux) for sign, side, flux in sides]
+
+    def by_conduction(self, q: Array) -> Array:
+        """Loads by ``q`` of carriers (slave nodes,) without sources, shape (d,) [load]."""
+        return np.asarray(self.jumps.T @ self.at_nodes(q))
 
     # Derivatives of both fluxes are sums over four quantities of the nodes: weighted jumps,
     # weighted conductances, weights and the source.
 
     def stacked(self, parts: Sequence[Iterable[Block]]) -> NumberedColumns:
         """Derivatives of the four quantities from their blocks, whose rows are slave nodes."""
-        count = len(self.T)
+        count = len(self.weight)
         blocks = [
             block._replace(rows=block.rows + number * count)
             for number, part in enumerate(parts)
@@ -272,14 +266,15 @@ class FluxValues:
         return csr_array(hstack(parts) @ diags(np.tile(self.on.astype(float), 3)))
 
     @cached_property
-    def by_quantities(self) -> list[csr_array]:
-        """Derivatives of the fluxes of slave and master, (slave nodes, 4 slave nodes)."""
+    def by_quantities(self) -> csr_array:
+        """Derivatives of the loads by the four quantities, (d, 4 slave nodes)."""
         conduction = self._to_nodes @ self.q_by_quantities
         if not self._is_plain:
             conduction = conduction + self._spread_by_quantities
         conduction = diags(self.on.astype(float)) @ conduction
-        one, share = eye(len(self.T)), self._law.share
-        return [csr_array(hstack([conduction, part * one])) for part in (-share, 1.0 - share)]
+        shares = -self._law.share, self._law.share - 1.0
+        sources = sum(share * side.T for share, side in zip(shares, self._sides, strict=False))
+        return csr_array(hstack([self.jumps.T @ conduction, sources]))
 
     @property
     def by_scale(self) -> Array:
@@ -295,26 +290,37 @@ class FluxValues:
         by_gap = np.where(closed, 0.0, self.weight * self.h.by_gap)
         by_z_n = np.where(pressed, self.weight * self.h.by_pressure, 0.0)
         h = Row(np.zeros_like(self.weight), by_gap=by_gap, by_z_n=by_z_n)
-        return self.f.by_vectors(h), self.f.by_vectors(self._heating)
+        return self.f.by_vectors(h), self.f.by_vectors(self.source)
 
     @cached_property
     def by_displacements(self) -> list[list[Block]]:
         """Blocks of the four quantities' derivatives by displacements."""
         o, (h, source) = self.o, self.rows
-        apart = (T - self._reference for T in (self.T, self.T_master))
+        on_slave, *on_master = self._fields
         return [
-            list(o.matrix_derivative(*apart)),
+            list(o.matrix_derivative(on_slave, *(on_master or [np.zeros(0)]))),
             list(row_by_displacements(self.f, h)),
             list(o.weight_derivative()),
             list(row_by_displacements(self.f, source)),
         ]
 
-    def by_field(self, traces: list[Trace]) -> Iterator[Block]:
+    def by_field(self) -> Iterator[Block]:
         """Blocks of the weighted jumps' derivative by the field's dofs; rows are slave nodes."""
         o, s = self.o, self.o.segments
-        yield Block(o.facet_nodes, *traces[0].columns(o.facet_nodes, o.D))
-        if len(traces) > 1:
-            yield Block(s.slave, *traces[1].columns(s.master, -o.M))
+        yield Block(o.facet_nodes, *self._traces[0].columns(o.facet_nodes, o.D))
+        if len(self._traces) > 1:
+            yield Block(s.slave, *self._traces[1].columns(s.master, -o.M))
+
+    @property
+    def by_unknowns(self) -> list[list[Block]]:
+        """Blocks of the four quantities' derivatives by all unknowns of the bodies."""
+        by_jump, *others = self.by_displacements
+        return [[*self.by_field(), *by_jump], *others]
+
+    def derivative(self, parts: Sequence[Iterable[Block]]) -> Block:
+        """Derivatives of the loads by unknowns, from ``parts`` of the four quantities."""
+        numbers, change = self.stacked(parts)
+        return as_block(csr_array(self.by_quantities @ change), self._dofs, numbers)
 
 
 # e_max over the conduction of the cells beside a node [1]. Jumps decrease by this factor in an
@@ -358,12 +364,16 @@ class Flux:
         prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
 
     Attributes:
-        law: The conductance.
+        law, column: See the arguments.
         is_separate: Whether the field is solved for in another problem.
         traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
         dofs: All dofs of the traces, shape (d,), replicated.
+        T: The field at these, shape (d,), replicated.
+        interpolations: Matrices E, values at the nodes of the traces by those at the dofs.
+        spreads: Matrices A without and with perfect conduction, shape (slave nodes, slave nodes).
         cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
             field]; inf for a separate field.
+        stiffest: e_max over the conduction of the cells [1].
         to_force: Factor that turns loads into forces of Newton's residual [stress / flux].
         jumps: Whether the conductance may jump where contact closes.
 
@@ -382,7 +392,7 @@ class Flux:
         contact: Any,
         prescribed: Flags,
     ) -> None:
-        self.law, self._column, self._contact = law, column, contact
+        self.law, self.column, self._contact = law, column, contact
         rigid = contact.obstacle is not None
         if rigid == (law.temperature is None):
             cure = "give temperature=" if rigid else "omit temperature="
@@ -405,14 +415,12 @@ class Flux:
         if isinstance(law.field, fem.Function):  # its conditions are not known
             self._owned = law.field.function_space.dofmap.index_map.local_range
             prescribed = np.zeros(law.field.x.array.size, bool)
-        self._values: tuple[Array, Array] = np.zeros(contact.slave.num_nodes), np.zeros(0)
-        self.to_force = 1.0
-        self._spreads = self.traces[0].spreads(prescribed, at_vertices=contact.at_vertices)
+        self.T, self.to_force = np.zeros(self.dofs.size), 1.0
+        self.spreads = self.traces[0].spreads(prescribed, at_vertices=contact.at_vertices)
         self.cells = np.full(contact.slave.num_nodes, np.inf)
-        self._stiffest = STIFFEST
+        self.stiffest = STIFFEST
         self._kept: tuple[Any, Any, FluxValues] | None = None
-        self._products: tuple[FluxValues | None, Any] = None, None
-        self._interpolations = [trace.interpolation(self.dofs) for trace in self.traces]
+        self.interpolations = [trace.interpolation(self.dofs) for trace in self.traces]
 
     def evaluate(self, u: Array) -> None:
         """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
@@ -420,9 +428,7 @@ class Flux:
         Collective.
         """
         field: Any = self.law.field
-        values = [trace.gather(field.x.array if self.is_separate else u) for trace in self.traces]
-        master = values[1] if len(values) > 1 else np.zeros(0)
-        self._values = values[0], master
+        self.T = self._gathered(field.x.array if self.is_separate else u)
 
     def set_conduction(self, to_force: Array, own: Array) -> None:
         """Set the conduction of the cells (collective).
@@ -434,18 +440,8 @@ class Flux:
         mine, _ = self._mine
         comm, areas = self._contact.slave.comm, self._contact.slave.nodal_areas
         self.to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
-        at_nodes = self._interpolations[0] @ self._gathered(own)
+        at_nodes = self.interpolations[0] @ self._gathered(own)
         self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
-
-    @property
-    def largest(self) -> float:
-        """Largest magnitude of the field on both sides [field] (local, replicated)."""
-        return max(float(np.abs(values).max(initial=0.0)) for values in self._values)
-
-    @property
-    def rubs(self) -> bool:
-        """Whether friction is a source (local)."""
-        return bool(self.law.heating == "friction" and self._contact.pair.law.has_friction)
 
     @property
     def rounding(self) -> float:
@@ -453,8 +449,11 @@ class Flux:
 
         Where nodes stick, all of it: slips are differences of positions.
         """
-        now = self.at(self._contact.now)
-        return EPSILON * now.largest_source * float(np.abs(now.o.x).max(initial=0.0))
+        if self.law.heating != "friction" or not self._contact.pair.law.has_friction:
+            return 0.0
+        now = self.now
+        largest = np.abs(now.weight * now.source.by_slip).max(initial=0.0)
+        return EPSILON * float(largest * np.abs(now.o.x).max(initial=0.0))
 
     @property
     def _mine(self) -> tuple[Indices, Indices]:
@@ -471,54 +470,47 @@ class Flux:
 
     def row_squares(self) -> float:
         """Sum of squares of the rows of q as forces [stress^2 length^2] (collective)."""
-        now = self.at(self._contact.now)
+        now = self.now
         return float(((self.to_force * now.weight * now.row) ** 2).sum())
-
-    def refresh(self) -> None:
-        """Gather a separate field again, which may have changed since (collective)."""
-        if self.is_separate:
-            self.evaluate(np.empty(0))
 
     # Values
 
-    def at(self, f: ContactFields) -> FluxValues:
-        """Values and derivatives by nodal quantities at the fields of the contact (collective).
+    @property
+    def now(self) -> FluxValues:
+        """Values and derivatives at the present fields of the contact; collective.
 
         Kept until fields, values, law or what its functions return change.
         """
         law = self.law
-        reference = 0.0 if law.temperature is None else law.on_obstacle
-        given = f, self._values, self.cells, law.h, law.heating
-        numbers = self._stiffest, law.scale, law.share, reference
+        given = self._contact.now, self.T, self.cells, law.h, law.heating
+        numbers = self.stiffest, law.scale, law.share, law.on_obstacle
         if self._kept is not None:
             of, by, now = self._kept
             same = numbers == by and all(a is b for a, b in zip(given, of, strict=True))
             if same and now.is_current:
                 return now
-        spread = self._spreads[law.is_perfect]
-        q = None if self.is_separate else f.state.conduction[:, self._column]
-        now = FluxValues(law, f, *self._values, self.cells, spread, q, self._stiffest)
+        now = FluxValues(self, self._contact.now)
         self._kept = given, numbers, now
         return now
 
     @contextmanager
     def softened(self) -> Iterator[None]:
         """Within, e_max is that of solves that are repeated, see ``SOFT`` (local)."""
-        self._stiffest, before = min(SOFT, self._stiffest), self._stiffest
+        self.stiffest, before = min(SOFT, self.stiffest), self.stiffest
         try:
             yield
         finally:
-            self._stiffest = before
+            self.stiffest = before
 
     def _put(self, q: Array) -> None:
         """Set the conduction of the carriers in the state, shape (slave nodes,) [flux] (local)."""
         conduction = self._contact.state.conduction.copy()
-        conduction[:, self._column] = q
+        conduction[:, self.column] = q
         self._contact.change(conduction=conduction)
 
     def settle(self) -> None:
         """Set q to h [T] where h is not too large for it (collective)."""
-        now = self.at(self._contact.now)
+        now = self.now
         self._put(np.where(now.is_exact, now.next_q, now.q))
 
     def move(self, z: Array, fraction: float, step: Array, motion: Array) -> None:
@@ -530,13 +522,13 @@ class Flux:
             step: Full increment of the unknowns of the bodies, shape (owned dofs,).
             motion: Full increment of the obstacle's motions, shape (m,), or (0,) [length].
         """
-        now = self.at(self._contact.now)
-        q = now.next_q + self._change(now, step, z - self._contact.z, motion)
+        now = self.now
+        q = now.next_q + self._change(step, z - self._contact.z, motion)
         self._put(now.q + fraction * (q - now.q))
 
-    def _change(self, now: FluxValues, u: Array, z: Array, motion: Array) -> Array:
+    def _change(self, u: Array, z: Array, motion: Array) -> Array:
         """Change of q' by those of all unknowns, see ``move``; (slave nodes,) (collective)."""
-        sides = [side.gather(u) for side in (self._contact.slave, self._contact.master)]
+        now, sides = self.now, [s.gather(u) for s in (self._contact.slave, self._contact.master)]
         jump, h, weight = (
             change_along(now.f, blocks, *sides) for blocks in now.by_displacements[:3]
         )
@@ -544,55 +536,38 @@ class Flux:
         h += np.einsum("jc,jc->j", row.by_z, z)
         if motion.size:
             h += row_by_motions(now.f, row) @ motion
-        change = np.concatenate([jump + self._jump_of(now, u), h, weight])
-        return np.asarray(now.q_by_quantities @ change)
-
-    def _jump_of(self, now: FluxValues, u: Array) -> Array:
-        """Weighted jumps of the field in ``u``, shape (slave nodes,) (collective)."""
-        at_dofs, signs = self._gathered(u), (1.0, -1.0)
-        sides = zip(signs, self._to_loads(now), strict=False)
-        return np.asarray(sum(sign * (matrix @ at_dofs) for sign, matrix in sides))
+        jump += now.jumps @ self._gathered(u)
+        return np.asarray(now.q_by_quantities @ np.concatenate([jump, h, weight]))
 
     @property
     def coupled(self) -> csr_array:
         """Slave nodes whose conductions depend on each other: entries of A A^T (local)."""
-        return sum(abs(spread) @ abs(spread).T for spread in self._spreads)
+        return sum(abs(spread) @ abs(spread).T for spread in self.spreads)
 
     def nodal(self) -> NodalFlux:
         """The flux at the present state (collective); filled inside of facets as the pressure."""
-        self.refresh()
-        now = self.at(self._contact.now)
+        if self.is_separate:  # it may have changed since
+            self.evaluate(np.empty(0))
+        now = self.now
         slave, master = (float(now.o.weight @ of_side) for of_side in now.of_sides(now.q))
         perfect = np.isinf(now.conductance)
         h = np.where(perfect, 0.0, now.conductance)
         jump = np.divide(now.means(h * now.jump), h, out=now.jump, where=h > 0.0)
         jump, h, perfect, conduction, heating = (
             now.f.fill_inside(values.astype(float))
-            for values in (jump, h, perfect, now.means(now.conduction), now.friction)
+            for values in (jump, h, perfect, now.means(now.conduction), now.source.residual)
         )
         h[perfect > 0.0] = np.inf
         return NodalFlux(jump, h, conduction, heating, -slave, master)
 
     def loads(self) -> list[Array]:
-        """Loads of the nodes of each trace, (nodes,) [flux length], replicated (collective)."""
-        now = self.at(self._contact.now)
-        return self._loads_by(now.o, *now.of_sides(now.q))
-
-    def _loads_by(self, o: MortarOperators, on_slave: Array, on_master: Array) -> list[Array]:
-        """D^T of one flux and -M^T of the other, for the traces (collective)."""
-        sides = o.force(on_slave[:, None])[0], o.force(on_master[:, None])[1]
-        return [side[:, 0] for side, _ in zip(sides, self.traces, strict=False)]
-
-    def _add_conduction(self, now: FluxValues, q: Array, target: Array) -> None:
-        """Add the loads by ``q`` of carriers (slave nodes,), without sources (collective)."""
-        sides = self._loads_by(now.o, *2 * [now.at_nodes(q)])
-        for trace, loads in zip(self.traces, sides, strict=True):
-            trace.scatter_add(loads, target)
+        """Loads of the dofs by each side, (d,) [flux length], replicated (collective)."""
+        now = self.now
+        return now.loads(now.q)
 
     def add_loads(self, target: Array) -> None:
         """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
-        for trace, loads in zip(self.traces, self.loads(), strict=True):
-            trace.scatter_add(loads, target)
+        self.add(np.sum(self.loads(), axis=0), target)
 
     def add_row_loads(self, target: Array) -> None:
         """Add the loads by which the rows of q change those of the state (collective).
@@ -600,17 +575,8 @@ class Flux:
         Args:
             target: Shape (owned dofs,); changed in place [flux length].
         """
-        now = self.at(self._contact.now)
-        self._add_conduction(now, now.next_q - now.q, target)
-
-    def add_by_scale(self, target: Array) -> None:
-        """Add the loads' derivative by the law's ``scale``: those of conduction (collective).
-
-        Args:
-            target: Shape (owned dofs,); changed in place [flux length].
-        """
-        now = self.at(self._contact.now)
-        self._add_conduction(now, now.by_scale, target)
+        now = self.now
+        self.add(now.by_conduction(now.next_q - now.q), target)
 
     def add_newton_loads(self, target: Array) -> None:
         """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
@@ -618,11 +584,15 @@ class Flux:
         Args:
             target: Right-hand side of a Newton step, shape (owned dofs,); changed in place.
         """
-        loads, z = np.zeros_like(target), self._contact.z
-        self.add_loads(loads)
-        self.add_row_loads(loads)
-        target -= loads
-        self._add(self._linear_part(self.at(self._contact.now), z), target)
+        now, z = self.now, self._contact.z
+        h, source = (np.einsum("jc,jc->j", row.by_z, z) for row in now.rows)
+        linear = now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source])
+        self.add(linear - np.sum(now.loads(now.next_q), axis=0), target)
+
+    def add(self, values: Array, target: Array) -> None:
+        """Add ``values`` (d, ...) at the dofs to those of this rank in ``target`` (local)."""
+        mine, at = self._mine
+        target[mine] += values[at]
 
     # Derivatives
 
@@ -633,21 +603,24 @@ class Flux:
 
     def derivative(self) -> list[Block]:
         """Blocks of the loads' derivatives by all unknowns of the bodies (collective)."""
-        now = self.at(self._contact.now)
-        blocks = [] if now.o.linearization.frozen else list(self._of_matrices(now))
-        return [*blocks, self._loads(now, *self._stacked(now))]
-
-    def _stacked(self, now: FluxValues) -> NumberedColumns:
-        """Derivatives of the four quantities by all unknowns of the bodies, of this rank."""
-        by_jump, *others = now.by_displacements
-        return now.stacked([[*now.by_field(self.traces), *by_jump], *others])
+        now = self.now
+        blocks = [now.derivative(now.by_unknowns)]
+        if now.o.linearization.frozen:
+            return blocks
+        # d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes
+        of_matrices = now.o.slave_force_derivative, now.o.master_force_derivative
+        sides = zip(self.traces, of_matrices, now.of_sides(now.q), strict=False)
+        for trace, differentiate, flux in sides:
+            nodes = np.arange(trace.surface.num_nodes)[:, None]
+            blocks.append(trace.rows(differentiate(flux[:, None], nodes)))
+        return blocks
 
     # Solves with the tangent, which has e_max in place of larger conductances
 
     @property
     def exceeds(self) -> bool:
         """Whether a conductance exceeds e_max (collective)."""
-        return not self.at(self._contact.now).is_exact.all()
+        return not self.now.is_exact.all()
 
     def remainder(self, u: Array, z: Array, motion: Array, d: Array) -> Array:
         """Right-hand side of the next change of a solution of the tangent (collective).
@@ -667,9 +640,9 @@ class Flux:
         Returns:
             Shape (owned dofs,) [load].
         """
-        now, loads = self.at(self._contact.now), np.zeros_like(u)
-        d[:] = self._change(now, u, z, motion) + now.kept * d
-        self._add_conduction(now, -now.kept * d, loads)
+        now, loads = self.now, np.zeros_like(u)
+        d[:] = self._change(u, z, motion) + now.kept * d
+        self.add(now.by_conduction(-now.kept * d), loads)
         return loads
 
     def transposed_remainder(self, u: Array, d: Array) -> tuple[Array, Array, Array]:
@@ -680,11 +653,11 @@ class Flux:
         Returns:
             Parts of unknowns, multipliers and motions [their units], shaped as ``remainder``.
         """
-        contact, now = self._contact, self.at(self._contact.now)
-        d[:] = now.of_carriers(self._jump_of(now, u)) + now.kept * d
+        contact, now = self._contact, self.now
+        d[:] = now.of_carriers(now.jumps @ self._gathered(u)) + now.kept * d
         q = -now.kept * d
         by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
-        numbers, change = self._stacked(now)
+        numbers, change = now.stacked(now.by_unknowns)
         values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])
         first, end = self._owned
         on_bodies, motion = np.zeros_like(u), np.zeros(0)
@@ -698,16 +671,16 @@ class Flux:
 
     def field_derivative(self) -> Block:
         """Derivatives of the loads by the field alone (collective)."""
-        now = self.at(self._contact.now)
-        return self._loads(now, *now.stacked([now.by_field(self.traces)]))
+        now = self.now
+        return now.derivative([now.by_field()])
 
     def by_multipliers(self) -> Block:
         """Derivatives of the loads by multipliers; columns index z.ravel() (collective)."""
-        now = self.at(self._contact.now)
         own, dim = self._contact.slave.owned, self._contact.slave.dim
         columns = dim * own[:, None] + np.arange(dim)
+        now = self.now
         h, source = ([Block(own[:, None], columns, row.by_z[own][:, None])] for row in now.rows)
-        return self._loads(now, *now.stacked([[], h, [], source]))
+        return now.derivative([[], h, [], source])
 
     def add_by_motions(self, columns: Array) -> None:
         """Add the loads' derivatives by the motions of the obstacle (collective).
@@ -715,48 +688,6 @@ class Flux:
         Args:
             columns: Shape (m, owned dofs) or longer [load / length]; changed in place.
         """
-        now = self.at(self._contact.now)
+        now = self.now
         h, source = (row_by_motions(now.f, row) for row in now.rows)
-        change = np.concatenate([0.0 * h, h, 0.0 * h, source])
-        self._add(self._by_quantities(now) @ change, columns.T)
-
-    def _add(self, values: Array, target: Array) -> None:
-        """Add ``values`` (d, ...) at the dofs to those that this rank owns in ``target``."""
-        mine, at = self._mine
-        target[mine] += values[at]
-
-    def _linear_part(self, now: FluxValues, z: Array) -> Array:
-        """Derivatives of the loads by multipliers times ``z`` (slave nodes, dim): (d,) [load]."""
-        h, source = (np.einsum("jc,jc->j", row.by_z, z) for row in now.rows)
-        return self._by_quantities(now) @ np.concatenate([0.0 * h, h, 0.0 * h, source])
-
-    def _of_matrices(self, now: FluxValues) -> Iterator[Block]:
-        """Blocks of d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes."""
-        numbers = np.arange(len(now.o.x))[:, None]
-        on_slave, on_master = now.of_sides(now.q)
-        yield self.traces[0].rows(now.o.slave_force_derivative(on_slave[:, None], numbers))
-        if len(self.traces) > 1:
-            nodes = np.arange(len(now.o.m))[:, None]
-            yield self.traces[1].rows(now.o.master_force_derivative(on_master[:, None], nodes))
-
-    def _loads(self, now: FluxValues, numbers: Indices, change: csr_array) -> Block:
-        """Derivatives of the loads, from those of the four quantities by unknowns of ``numbers``.
-
-        Collective.
-        """
-        return as_block(csr_array(self._by_quantities(now) @ change), self.dofs, numbers)
-
-    def _by_quantities(self, now: FluxValues) -> csr_array:
-        """Derivatives of the loads by the four quantities, E^T (D^T - M^T), (d, 4 n)."""
-        if self._products[0] is not now:
-            sides = zip(self._to_loads(now), (1.0, -1.0), now.by_quantities, strict=False)
-            found = sum(sign * (matrix.T @ of_flux) for matrix, sign, of_flux in sides)
-            self._products = now, found
-        return self._products[1]
-
-    def _to_loads(self, now: FluxValues) -> list[csr_array]:
-        """D E and M E with columns in the order of ``dofs`` (collective)."""
-        return [
-            matrix @ interpolation
-            for matrix, interpolation in zip(now.o.matrices, self._interpolations, strict=False)
-        ]
+        self.add(now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source]), columns.T)

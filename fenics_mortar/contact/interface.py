@@ -24,18 +24,9 @@ import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceFields, InterfaceState
 from fenics_mortar.contact.pair import PRESETS, Discretization
+from fenics_mortar.interface import integrals
 from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.curve_surface import turn_between
-from fenics_mortar.interface.integrals import (
-    BodiesBehind,
-    MortarInput,
-    MortarOptions,
-    Segments,
-    basis_on,
-    evaluate_mortar,
-    evaluate_normals,
-    find_segments,
-)
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.outline import Outline, Sight
@@ -43,20 +34,13 @@ from fenics_mortar.interface.reference import AT_VERTICES, Basis
 from fenics_mortar.interface.space_mortar import evaluate_space
 from fenics_mortar.interface.surfaces import POINTS, Surface
 from fenics_mortar.interface.traces import extract_surface
-from fenics_mortar.kernels.space.shapes import (
-    ALLOWED,
-    FINE,
-    FINE_QUADRATIC,
-    LINEAR,
-    QUADRATIC,
-    points_for,
-)
+from fenics_mortar.kernels.space import shapes
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.rigid_motion import at_place
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.rows import InterfaceRows
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -214,15 +198,17 @@ def _points_in_space(choice: Discretization, slave: Any, master: Any) -> int:
         ValueError: If there is no rule with the chosen number for these facets.
     """
     points = choice.points
-    allowed = [n for n in ALLOWED if n >= slave.facets.shape[1]]
+    allowed = [n for n in shapes.ALLOWED if n >= slave.facets.shape[1]]
     if points is None:
-        few, many = (LINEAR, FINE) if slave.degree == 1 else (QUADRATIC, FINE_QUADRATIC)
+        linear = slave.degree == 1
+        few = shapes.LINEAR if linear else shapes.QUADRATIC
+        many = shapes.FINE if linear else shapes.FINE_QUADRATIC
         if choice == PRESETS["other_codes"]:
             return few
         distortion, warp = map(max, slave.distortion, master.distortion)
         aligned = slave is master  # sides of a fold have the same mesh, edges coincide
         least = many if distortion > DISTORTED or aligned else few
-        return max(least, points_for(slave.degree, distortion, warp))
+        return max(least, shapes.points_for(slave.degree, distortion, warp))
     if points not in allowed:
         raise ValueError(
             f"points={points}: expected one of {', '.join(map(str, allowed))}, the points of the "
@@ -331,6 +317,7 @@ class Interface(ABC):
         rows: Rows of the multipliers, the law of the interface.
         components: Dofs and scales of the components of the multipliers.
         fluxes: Fluxes of scalar fields across the interface, see ``fluxes``.
+        conductances: Those of them that are no multipliers of a tie.
         all_fluxes: These, and those of fields that are solved for in other problems.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
@@ -342,7 +329,7 @@ class Interface(ABC):
     """
 
     now: InterfaceFields
-    rows: InterfaceRows
+    rows: Any
     offset: Any
     _kind: type[InterfaceFields]
 
@@ -384,10 +371,10 @@ class Interface(ABC):
         self.set_stiffness(np.ones(count))
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
-        self.basis: Basis = basis_on(self.slave, pair.discretization.basis)
+        self.basis: Basis = integrals.basis_on(self.slave, pair.discretization.basis)
         self.at_vertices: bool = self.basis in AT_VERTICES
-        self.all_fluxes: list[Any] = NO_FLUXES
-        self.fluxes, self.components = NO_FLUXES, Components(self)
+        self.all_fluxes = self.fluxes = self.conductances = NO_FLUXES
+        self.components = Components(self)
         self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
@@ -431,7 +418,7 @@ class Interface(ABC):
         """Operators at the positions that define the partners."""
 
     @abstractmethod
-    def intersections(self) -> Segments:
+    def intersections(self) -> integrals.Segments:
         """Intersections of this rank's slave facets with the master, for any integration."""
 
     # Solution and steps
@@ -589,10 +576,10 @@ class OperatorEvaluation:
     obstacle: Obstacle | None
     arm: float
     planes: Array
-    options: MortarOptions
+    options: integrals.MortarOptions
     small: bool
     sight: Sight | None = field(default=None, init=False)
-    behind: BodiesBehind | None = field(default=None, init=False)
+    behind: integrals.BodiesBehind | None = field(default=None, init=False)
     # of the last state and two initial guesses, also with the multiplier nodes of their cover
     _recent: deque[tuple[bytes, bytes, Linearization, MortarOperators]] = field(
         default_factory=partial(deque, maxlen=5), init=False
@@ -604,8 +591,9 @@ class OperatorEvaluation:
         Without effect on obstacles.
         """
         if self.obstacle is None:
-            normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
-            self.sight = Sight(outline, self.slave, self.master, normals)
+            slave = self.slave
+            normals, _ = integrals.evaluate_normals(slave, slave.X, self.options.weighting)
+            self.sight = Sight(outline, slave, self.master, normals)
             self._recent.clear()
 
     def evaluate(
@@ -659,11 +647,8 @@ class OperatorEvaluation:
             return None
         if self.obstacle is None:
             return self.evaluate_reference(multiplier_nodes)
-        now, self.obstacle.place = self.obstacle.place, place.copy()
-        try:
+        with at_place(self.obstacle, place):
             return self.evaluate_reference(multiplier_nodes)
-        finally:
-            self.obstacle.place = now
 
     def at_outline(
         self, outline: Outline, x: Array, state: InterfaceState, linearization: Linearization
@@ -696,9 +681,9 @@ class OperatorEvaluation:
             return o.segments
         options = replace(self.options, integration="segments", points=POINTS)
         at = o.x, o.n, o.m, o.segments.facets
-        return find_segments(self.slave, self.master, *at, options, self.behind)
+        return integrals.find_segments(self.slave, self.master, *at, options, self.behind)
 
-    def _positions_at(self, u: Array | None) -> tuple[BodiesBehind | None, Array, Array]:
+    def _positions_at(self, u: Array | None) -> tuple[Any, Array, Array]:
         """Bodies behind the slave; positions of both sides, undeformed for None (collective)."""
         sides = self.slave, self.master
         if self.sight is not None:
@@ -710,7 +695,7 @@ class OperatorEvaluation:
 
     def _integrate(
         self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
-        behind: BodiesBehind | None,
+        behind: integrals.BodiesBehind | None,
     ) -> MortarOperators:  # fmt: skip
         """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
 
@@ -718,7 +703,7 @@ class OperatorEvaluation:
         search of one for other multiplier nodes.
         """
         self.behind = behind
-        given = MortarInput(
+        given = integrals.MortarInput(
             self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
             linearization, behind,
         )  # fmt: skip
@@ -732,7 +717,7 @@ class OperatorEvaluation:
             if same and of_nodes == nodes:
                 return operators
             searched = operators if same else searched
-        evaluate: Any = evaluate_mortar if self.slave.dim == 2 else evaluate_space
+        evaluate: Any = integrals.evaluate_mortar if self.slave.dim == 2 else evaluate_space
         with INTEGRALS:
             operators = evaluate(given if searched is None else given._replace(searched=searched))
         self._recent.appendleft((points, nodes, linearization, operators))

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.kernels import complementarity
 from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 
 if TYPE_CHECKING:
@@ -164,6 +163,9 @@ class InterfaceFields:
         z_u: Multipliers of the displacement, shape (slave nodes, dim) [stress].
         acting: Operators with derivatives of the facets whose multipliers act or are not zero; in
             the plane, and of ties, those of all facets.
+        covered: Whether a slave node has a multiplier and a partner, shape (slave nodes,), bool.
+        acts: Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool.
+        sticking: Whether an active node sticks, shape (slave nodes,), bool.
     """
 
     closing_gap: Any = property(attrgetter("gap"))
@@ -171,6 +173,9 @@ class InterfaceFields:
     z_tau: Any = property(attrgetter("parts.z_tau"))
     z_u: Any = property(attrgetter("state.z"))
     acting: Any = property(attrgetter("operators"))
+    covered: Any = property(attrgetter("state.active"))
+    acts: Any = property(attrgetter("state.active"))
+    sticking: Any = property(attrgetter("state.active"))
 
     def __init__(self, interface: Any, state: InterfaceState, operators: Any) -> None:
         self.interface, self.state = interface, state
@@ -191,11 +196,6 @@ class InterfaceFields:
         return new
 
     @property
-    def covered(self) -> Flags:
-        """Whether a slave node has a multiplier and a partner, shape (slave nodes,), bool."""
-        return self.state.active
-
-    @property
     def has_partner(self) -> Flags:
         """Whether facets at a slave node are at least partly covered, (slave nodes,), bool."""
         covered, (alone, others) = self.operators.cover > 0.0, self.interface.substitutes
@@ -208,16 +208,6 @@ class InterfaceFields:
         return np.asarray(self.state.offset)
 
     @property
-    def acts(self) -> Flags:
-        """Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool."""
-        return self.state.active
-
-    @property
-    def sticking(self) -> Flags:
-        """Whether an active node sticks, shape (slave nodes,), bool."""
-        return self.state.active
-
-    @property
     def active_nodes(self) -> Indices:
         """Numbers of the active slave nodes along the surface, shape (active nodes,)."""
         return np.flatnonzero(self.state.active)
@@ -225,11 +215,9 @@ class InterfaceFields:
     @field("z")
     def parts(self) -> Parts:
         """Normal and tangential part of the multipliers; in space the latter is its size."""
-        if self.operators.slave.dim == 3:
-            return Parts(normal_parts(self.operators.n, self.z_u), self.shear_size)
-        parts = Parts(*np.empty((2, len(self.state.z))))
-        complementarity.split_multipliers(self.operators.n, self.z_u, *parts)
-        return parts
+        o, z = self.operators, self.z_u
+        along = np.einsum("ja,ja->j", o.tau, z) if o.slave.dim == 2 else self.shear_size
+        return Parts(np.einsum("ja,ja->j", o.n, z), along)
 
     @field("z")
     def forces(self) -> tuple[Array, Array]:
@@ -267,16 +255,12 @@ class InterfaceFields:
     @property
     def shear(self) -> Array:
         """The multipliers without the pressure, shape (slave nodes, dim) [stress]."""
-        if self.operators.slave.dim == 3:
-            return tangential(self.z_u, self.operators.n)
-        return self.operators.tau * self.z_tau[:, None]
+        return tangential(self.z_u, self.operators.n)
 
     @property
     def shear_size(self) -> Array:
         """Size of the shear, shape (slave nodes,) [stress]."""
-        if self.operators.slave.dim == 3:
-            return np.asarray(np.linalg.norm(self.shear, axis=1))
-        return np.abs(self.z_tau)
+        return np.asarray(np.linalg.norm(self.shear, axis=1))
 
     @property
     def slip_in_space(self) -> Array:

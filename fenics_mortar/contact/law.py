@@ -99,7 +99,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -218,21 +219,20 @@ def chain_rule(row: Row, gap: Row) -> Row:
     return Row(row.residual, first * gap.by_gap, *chained)
 
 
-def at_points(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
-    """Nodal values interpolated to points of the surface; fields of shape (n, q).
+def mapped(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
+    """All arrays of a node replaced by functions of them, as their values at points (local).
 
     Args:
         node: State of the slave nodes.
-        of: Interpolates nodal values, shape (slave nodes, ...), to points, shape (n, q, ...).
+        of: Function of an array, shape (slave nodes, ...); its results have any shape.
     """
-    new: dict[str, Any] = {}
-    for attribute in fields(node):
-        value = getattr(node, attribute.name)
+
+    def changed(value: Any) -> Any:
         if isinstance(value, Mapping):
-            new[attribute.name] = {name: of(numbers) for name, numbers in value.items()}
-        else:
-            new[attribute.name] = of(value) if isinstance(value, np.ndarray) else value
-    return Nodal(**new)
+            return MappingProxyType({name: of(numbers) for name, numbers in value.items()})
+        return of(value) if isinstance(value, np.ndarray) else value
+
+    return Nodal(**{name: changed(value) for name, value in vars(node).items()})
 
 
 # Distance from a kink of the complementarity functions [1] within which a node counts as on the
@@ -308,8 +308,6 @@ class Law(ABC):
     fields: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
-    # Methods that give the friction limit at a node
-    _nodal_limits: tuple[str, ...] = ("friction_limit_at",)
 
     def __repr__(self) -> str:
         """Name and public numbers, equal on all ranks."""
@@ -441,14 +439,6 @@ class Law(ABC):
         return type(self).tangential is not Frictionless.tangential
 
     @property
-    def is_of_package(self) -> bool:
-        """Whether the law is one without memory of the package.
-
-        Those of ``fenics_mortar.laws`` may be as steep as a user's.
-        """
-        return type(self).__module__.startswith(f"{__package__}.")
-
-    @property
     def has_adhesion(self) -> bool:
         """Whether the law has adhesion."""
         return type(self).adhesion is not Law.adhesion or self.has_nodal_adhesion
@@ -464,16 +454,6 @@ class Law(ABC):
         return type(self).adhesion_at is not Law.adhesion_at
 
     @property
-    def has_nodal_limit(self) -> bool:
-        """Whether the friction limit is that of a node, by the most derived class that defines it.
-
-        A law derived from ``Coulomb`` with another ``limit`` has another ``friction_limit``, too.
-        """
-        names = {"friction_limit", *self._nodal_limits}
-        kind = next(kind for kind in type(self).__mro__ if names & vars(kind).keys())
-        return kind is Law or "friction_limit" not in vars(kind)
-
-    @property
     def varying(self) -> dict[str, Any]:
         """Parameters in ``fields`` that are not numbers, by name."""
         given = {name: getattr(self, name) for name in self.fields}
@@ -481,14 +461,13 @@ class Law(ABC):
 
     @property
     def needs_nodal_state(self) -> bool:
-        """Whether the law has more than a tangential row, a friction limit and an adhesion a(g)."""
+        """Whether the law has more than a tangential row and an adhesion a(g)."""
         return bool(
             self.memory
             or self.has_closing_gap
             or self.bridges_gap
             or self.varying
             or self.has_nodal_adhesion
-            or self.has_nodal_limit
         )
 
 
@@ -552,7 +531,6 @@ class Friction(Law):
     """
 
     c_t = 0.1  # default for laws that do not call ``__init__`` of this class
-    _nodal_limits = (*Law._nodal_limits, "limit")
 
     def __init__(self, c_t: float = c_t) -> None:
         self.c_t = c_t
@@ -568,9 +546,21 @@ class Friction(Law):
         A ``Row``, or b and its derivatives with respect to gap and z_n [stress].
         """
 
+    def friction_limit(self, pressure: Array) -> Array:
+        """The limit b at closed gaps without slip; see ``Law.friction_limit``."""
+        none = np.zeros_like(pressure)
+        return np.asarray(self.limit(Nodal(none, none, pressure, none, none, none))[0])
+
     def friction_limit_at(self, node: Nodal) -> Array:
-        """The limit b; see ``Law.friction_limit_at``."""
-        return np.asarray(self.limit(node)[0])
+        """The limit b; see ``Law.friction_limit_at``.
+
+        Of ``limit`` and ``friction_limit`` the one that the most derived class defines is meant: a
+        law derived from ``Coulomb`` with another ``limit`` has another ``friction_limit``, too.
+        """
+        kinds = (kind for kind in type(self).__mro__ if {"limit", "friction_limit"} & {*vars(kind)})
+        if self.needs_nodal_state or "friction_limit" not in vars(next(kinds)):
+            return np.asarray(self.limit(node)[0])
+        return self.friction_limit(node.z_n)
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
         """Stick (0) or direction of sliding (+-1), either if the limit is 0; see ``Law.branch``."""
@@ -655,10 +645,6 @@ class Coulomb(Friction):
         factor = np.where((trial > 0.0) & (mu * trial < self.max_shear), mu, 0.0)
         return np.clip(mu * trial, 0.0, self.max_shear), -factor * c_n, factor
 
-    def friction_limit(self, pressure: Array) -> Array:
-        """Mu times the pressure, at most ``max_shear``; see ``Law.friction_limit``."""
-        return np.clip(self.mu * pressure, 0.0, self.max_shear)
-
 
 class Tresca(Friction):
     """Tresca's law, |z_tau| <= stress at all active nodes.
@@ -698,10 +684,6 @@ class Tresca(Friction):
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
         """Constant; see ``Friction.limit``."""
         return np.full_like(node.z_n, self.stress), 0.0, 0.0
-
-    def friction_limit(self, pressure: Array) -> Array:
-        """Constant; see ``Law.friction_limit``."""
-        return np.full_like(pressure, self.stress)
 
 
 # Laws whose results are not checked.

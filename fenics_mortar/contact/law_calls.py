@@ -17,8 +17,9 @@ and gap. Frictional power may be a source on both sides. See ``fluxes`` for the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -29,9 +30,9 @@ import numpy as np
 
 from dolfinx import fem
 
-from fenics_mortar.contact.law import BUILT_IN, Branches, Friction, Law, Nodal, Row
+from fenics_mortar.contact.law import BUILT_IN, Branches, Friction, Law, Nodal, Row, mapped
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
+from fenics_mortar.utils.arrays import Array, Flags, Indices, protected, read_only_view
 from fenics_mortar.utils.errors import (
     MortarError,
     NotFiniteError,
@@ -63,19 +64,13 @@ class Instant:
 
     @classmethod
     def of(cls, time: float, step: float, memory: Mapping[str, Array]) -> Instant:
-        """An instant with copies of the arrays of shape (slave nodes,) in ``memory`` (local)."""
-        kept = {name: np.array(values, float) for name, values in memory.items()}
-        for values in kept.values():
-            values.flags.writeable = False
+        """An instant with read-only arrays of shape (slave nodes,) for ``memory`` (local)."""
+        kept = {name: protected(np.asarray(values, float)) for name, values in memory.items()}
         return cls(time, step, MappingProxyType(kept))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How a pickle or a deep copy makes it again: a mapping proxy has no pickle (local)."""
         return Instant.of, (self.time, self.step, dict(self.memory))
-
-    def begins(self, law: Law) -> bool:
-        """Whether the memory has other names than that of ``law``."""
-        return tuple(self.memory) != tuple(law.memory)
 
 
 def first_instant(law: Law, slave: Surface, time: float) -> Instant:
@@ -228,94 +223,70 @@ class LawCalls:
         self.error: Exception | None = None
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """See ``Law.branch``."""
+        """Branch of rho at each node, 0 for stick; ``before`` after an error."""
         law = self._pair.law
         if type(law) in BUILT_IN:
             return law.branch(node, before)
-
-        def call() -> Branches:
-            result = law.branch(_protected(node), read_only_view(before))
-            (branch,) = self._numbers("branch", (result,), before.size)
-            self._check_finite("branch", (branch,), node)
+        with self._storing_errors():
+            (branch,) = self._numbers("branch", [law.branch(*_protected(node, before))], node)
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
             if isinstance(law, Friction):  # with a limit of nan all nodes would stick
-                given = law.limit(_protected(node))
+                given = law.limit(*_protected(node))
                 if not isinstance(given, (tuple, list)) or len(given) not in (3, len(Row._fields)):
                     raise ValueError(
                         f"{law!r}: limit returned {given!r}; expected a Row, or the limit and its "
                         f"derivatives by gap and z_n"
                     )
-                limits = self._numbers("limit", given[:1], before.size)
-                finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
-                self._check_finite("limit", finite, node)
+                (limit,) = self._arrays("limit", given[:1], before.size)
+                self._numbers("limit", [np.where(np.isposinf(limit), 0.0, limit)], node)
             return whole.astype(np.int64)
+        return before
 
-        return self._storing_errors(call, before)
+    def row(self, method: str, node: Nodal, used: Flags, *branch: Branches) -> Row:
+        """A row of the law; zero after an error.
 
-    def tangential(self, node: Nodal, branch: Branches, used: Flags) -> Row:
-        """See ``Law.tangential``; ``used``: nodes to which the law applies."""
-        law = self._pair.law
+        Args:
+            method: ``tangential``, ``closing_gap`` or ``adhesion_at``, see ``Law``.
+            node: State of the slave nodes.
+            used: Nodes to which the law applies, shape (slave nodes,), bool.
+            branch: Branches of the tangential row, shape (slave nodes,), int.
+        """
+        law, what = self._pair.law, method.removesuffix("_at")
         if type(law) in BUILT_IN:
-            return law.tangential(node, branch)
-
-        def call() -> Row:
-            row = law.tangential(_protected(node), read_only_view(branch))
-            return self._row("tangential", row, node, used)
-
-        none = np.zeros(branch.size)
-        return self._storing_errors(call, Row(node.z_tau, none, none, none, none + 1.0))
-
-    def closing_gap(self, node: Nodal, used: Flags) -> Row:
-        """See ``Law.closing_gap``; ``used``: nodes to which the law applies."""
-
-        def call() -> Row:
-            return self._row(
-                "closing_gap", self._pair.law.closing_gap(_protected(node)), node, used
-            )
-
-        none = np.zeros(node.gap.size)
-        return self._storing_errors(call, Row(node.gap, none + 1.0, none, none, none))
-
-    def adhesion_at(self, node: Nodal, used: Flags) -> Row:
-        """See ``Law.adhesion_at``; ``used``: nodes to which the law applies."""
-        law = self._pair.law
-
-        def call() -> Row:
-            row = self._row("adhesion", law.adhesion_at(_protected(node)), node, used)
-            wrong = used & (row.residual < 0.0)
-            if wrong.any():
-                j = int(np.argmax(wrong))
+            return getattr(law, method)(node, *branch)
+        with self._storing_errors():
+            given = getattr(law, method)(*_protected(node, *branch))
+            if not isinstance(given, tuple) or len(given) != len(Row._fields):
+                raise ValueError(f"{law!r}: {what} returned {given!r}; expected a Row")
+            row = Row(*self._numbers(what, given, node, used))
+            negative = used & (row.residual < 0.0)
+            if what == "adhesion" and negative.any():
+                j = int(np.argmax(negative))
                 raise ValueError(
                     f"{law!r}: adhesion returned {row.residual[j]:g} for a gap of "
                     f"{node.gap[j]:g}; expected zero or a positive stress"
                 )
             return row
-
-        none = np.zeros(node.gap.size)
-        return self._storing_errors(call, Row(none, none, none, none, none))
+        return Row(*np.zeros((len(Row._fields), node.gap.size)))
 
     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
-        """See ``Law.remember``."""
+        """Memory at the end of a converged step [its units]; that before after an error."""
         law = self._pair.law
+        with self._storing_errors():
+            memory = law.remember(*_protected(node, branch))
+            return check_memory(law, "remember", memory, branch.size)
+        return node.memory
 
-        def call() -> Mapping[str, Array]:
-            result = law.remember(_protected(node), read_only_view(branch))
-            return check_memory(law, "remember", result, branch.size)
-
-        return self._storing_errors(call, node.memory)
-
-    def friction_limit(self, node: Nodal, *, of_node: bool) -> Array:
-        """See ``Law.friction_limit_at``, or ``Law.friction_limit`` of the pressure alone."""
+    def friction_limit(self, node: Nodal) -> Array:
+        """Largest |z_tau| at the pressures ``node.z_n`` [stress]; infinite after an error."""
         law, pressure = self._pair.law, node.z_n
-        if type(law) in BUILT_IN and not of_node:
-            return law.friction_limit(pressure)
-
-        def call() -> Array:
-            view = read_only_view(pressure)
-            found = law.friction_limit_at(_protected(node)) if of_node else law.friction_limit(view)
-            (limit,) = self._numbers("friction_limit", (found,), pressure.size)
+        if type(law) in BUILT_IN:
+            return law.friction_limit_at(node)
+        with self._storing_errors():
+            found = law.friction_limit_at(*_protected(node))
+            (limit,) = self._arrays("friction_limit", [found], pressure.size)
             wrong = (np.isnan(limit) | (limit < 0.0)) & (pressure >= 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
@@ -325,26 +296,17 @@ class LawCalls:
                     "expected zero, a positive number or infinity"
                 )
             return limit
+        return np.full_like(pressure, np.inf)
 
-        return self._storing_errors(call, np.full_like(pressure, np.inf))
-
-    def _row(self, what: str, row: Any, node: Nodal, used: Flags) -> Row:
-        """A row of arrays (slave nodes,), finite at the nodes where it is used."""
-        if not isinstance(row, tuple) or len(row) != len(Row._fields):
-            raise ValueError(f"{self._pair.law!r}: {what} returned {row!r}; expected a Row")
-        row = Row(*self._numbers(what, row, node.gap.size))
-        self._check_finite(what, row, node, used)
-        return row
-
-    def _storing_errors(self, call: Callable[[], Any], instead: Any) -> Any:
-        """Result of ``call``, or ``instead`` if it raises; the error is stored."""
+    @contextmanager
+    def _storing_errors(self) -> Iterator[None]:
+        """Context that stores the first error of a user's law, and goes on after it."""
         try:
-            return call()
+            yield
         except Exception as error:  # any error of a user's law
             self.error = self.error or error
-            return instead
 
-    def _numbers(self, what: str, results: Iterable[Any], count: int) -> list[Array]:
+    def _arrays(self, what: str, results: Iterable[Any], count: int) -> list[Array]:
         """Results as arrays of shape (count,); scalars are broadcast."""
         arrays = [np.asarray(result) for result in results]
         for array in arrays:
@@ -355,18 +317,22 @@ class LawCalls:
                 )
         return [np.array(np.broadcast_to(array, count), float) for array in arrays]
 
-    def _check_finite(
-        self, what: str, results: Iterable[Array], node: Nodal, used: Flags | bool = True
-    ) -> None:
-        """Raise if a result is not finite at ``used`` nodes whose arguments are finite."""
+    def _numbers(self, what: str, results: Any, node: Nodal, used: Any = True) -> list[Array]:
+        """``_arrays``, finite at ``used`` nodes whose arguments are finite."""
+        arrays = self._arrays(what, results, node.gap.size)
         arguments = node.gap, node.slip, node.z_n, node.z_tau, node.stiffness, node.c_n
-        checked = used & np.isfinite(arguments).all(axis=0)
-        bad = checked & ~np.all([np.isfinite(result) for result in results], axis=0)
+        bad = used & np.isfinite(arguments).all(axis=0) & ~np.isfinite(arrays).all(axis=0)
         if bad.any():
             raise NotFiniteError(
                 f"{self._pair.law!r}: {what} returned numbers that are not finite at {bad.sum()} "
                 f"nodes of '{self._pair.slave_name}', one at {format_point(node.x[np.argmax(bad)])}"
             )
+        return arrays
+
+
+def _protected(node: Nodal, *arrays: Indices) -> tuple[Any, ...]:
+    """Read-only views of arguments, since a user's law might write into the arrays."""
+    return mapped(node, read_only_view), *map(read_only_view, arrays)
 
 
 def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
@@ -390,13 +356,6 @@ def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
         contact.law_calls.error = None
     law = users[0].pair.law if len(users) == 1 else "a law"
     leave_together(comm, f"{law!r}", next((e for e in errors if e is not None), None))
-
-
-def _protected(node: Nodal) -> Nodal:
-    """Read-only views of ``node``, since a user's law might write into the arrays."""
-    arrays = {name: value for name, value in vars(node).items() if isinstance(value, np.ndarray)}
-    views: dict[str, Any] = {name: read_only_view(values) for name, values in arrays.items()}
-    return replace(node, **views)
 
 
 # Pressure over the reference pressure [1] below which a power law with an exponent below 1, whose
@@ -441,8 +400,17 @@ class ClosedConductance:
         return ConductanceValue(np.where(gap <= 0.0, self.h, 0.0))
 
 
+class _Smooth:
+    """Base of conductances that do not jump where contact closes, of positive numbers."""
+
+    def __post_init__(self) -> None:
+        """Check all numbers."""
+        for name, value in vars(self).items():
+            check_number(name, value, "a positive number", lambda number: number > 0.0)
+
+
 @dataclass(frozen=True)
-class PressureConductance:
+class PressureConductance(_Smooth):
     """Conductance of rough surfaces in contact, h (p / p_0)^m; zero where contact is open.
 
     Below 0.1 % of p_0 a parabola replaces powers m < 1, whose slope is infinite at p = 0.
@@ -460,11 +428,6 @@ class PressureConductance:
     pressure: float
     exponent: float = 0.95
 
-    def __post_init__(self) -> None:
-        """Check all numbers."""
-        for name, value in vars(self).items():
-            check_number(name, value, "a positive number", lambda number: number > 0.0)
-
     def __call__(self, pressure: Array, gap: Array) -> ConductanceValue:
         """Conductance at pressures [stress] and gaps [length], (slave nodes,) each (local)."""
         ratio, m = np.maximum(pressure, 0.0) / self.pressure, self.exponent
@@ -480,7 +443,7 @@ class PressureConductance:
 
 
 @dataclass(frozen=True)
-class GapConductance:
+class GapConductance(_Smooth):
     """Conductance through the medium in a gap, k / (g + g_0), also of closed gaps.
 
     Attributes:
@@ -494,11 +457,6 @@ class GapConductance:
 
     conductivity: float
     distance: float
-
-    def __post_init__(self) -> None:
-        """Check both numbers."""
-        for name, value in vars(self).items():
-            check_number(name, value, "a positive number", lambda number: number > 0.0)
 
     def __call__(self, pressure: Array, gap: Array) -> ConductanceValue:
         """Conductance at pressures [stress] and gaps [length], (slave nodes,) each (local)."""
@@ -545,8 +503,6 @@ class Conductance:
             pair = fm.ContactPair(data, "pin/outer", "hub/inner", fluxes=[heat])
     """
 
-    _terms: list[ConductanceFunction]
-
     def __init__(
         self,
         field: int | fem.Function,
@@ -565,14 +521,9 @@ class Conductance:
         Raises:
             ValueError: If it is not allowed, or the field is set again.
         """
-        if name == "h":
-            super().__setattr__("_terms", _terms_of(value))
-        elif name in _CHECKS:
-            _CHECKS[name](value)
-        elif name == "field" and "field" not in vars(self):
-            _check_field(value)
-        elif name != "_terms":
+        if name not in _CHECKS or (name == "field" and "field" in vars(self)):
             raise ValueError(f"{name} of {self!r} cannot be set; set up a new problem")
+        _CHECKS[name](value)
         super().__setattr__(name, value)
 
     def __repr__(self) -> str:
@@ -591,8 +542,14 @@ class Conductance:
             MortarError: If a conductance is negative, or not a number, or inf of a function.
         """
         sums = np.zeros((3, pressure.size))
-        for term in self._terms:
-            for total, value in zip(sums, _three(term, pressure, gap), strict=True):
+        for term in _terms_of(self.h):
+            found = term(pressure, gap)
+            if not isinstance(found, Sequence) or len(found) != 3:
+                raise MortarError(
+                    f"h: {term!r} returned {found!r}; expected h, dh/dp and dh/dg for arrays of "
+                    "pressures and gaps"
+                )
+            for total, value in zip(sums, found, strict=True):
                 total += value
         bad = ~np.isfinite(sums).all(axis=0) | (sums[0] < 0.0)
         bad &= np.isfinite(pressure) & np.isfinite(gap)  # else an iterate of Newton's method fails
@@ -632,18 +589,17 @@ class Conductance:
     @property
     def jumps(self) -> bool:
         """Whether the conductance may jump where contact closes, as a number does (local)."""
-        smooth = PressureConductance, GapConductance
-        return not all(isinstance(term, smooth) for term in self._terms)
+        return not all(isinstance(term, _Smooth) for term in _terms_of(self.h))
 
     @property
     def is_perfect(self) -> bool:
         """Whether conduction is perfect where contact is closed (local)."""
-        return any(isinstance(term, ClosedConductance) and term.h == np.inf for term in self._terms)
+        return any(term == ClosedConductance(np.inf) for term in _terms_of(self.h))
 
     @property
     def on_obstacle(self) -> float:
-        """Present value of the field on an obstacle [field] (local)."""
-        given: Any = self.temperature
+        """Present value of the field on an obstacle, zero without one [field] (local)."""
+        given: Any = 0.0 if self.temperature is None else self.temperature
         return float(given.value if isinstance(given, fem.Constant) else given)
 
 
@@ -669,53 +625,31 @@ def _check_temperature(temperature: Any) -> None:
         check_number("temperature", temperature, "a number or a constant", np.isfinite)
 
 
-_CHECKS = {
-    "heating": _check_heating,
-    "share": lambda share: check_number(
-        "share", share, "a fraction between 0 and 1", lambda part: 0.0 <= part <= 1.0
-    ),
-    "scale": lambda scale: check_number(
-        "scale", scale, "a positive number", lambda factor: 0.0 < factor < np.inf
-    ),
-    "temperature": _check_temperature,
-}
-
-
 def _terms_of(h: Any) -> list[ConductanceFunction]:
-    """Conductances whose sum is ``h``.
+    """Conductances whose sum is ``h``; numbers are those of closed contact.
 
     Raises:
-        ValueError: If one is not a conductance, or there is none.
+        ValueError: If one is no conductance, or negative, or there is none.
     """
     terms = list(h) if isinstance(h, Sequence) and not isinstance(h, str) else [h]
     if not terms:
         raise ValueError("h=[]: expected at least one conductance")
-    return [term if callable(term) else _constant(term) for term in terms]
-
-
-def _constant(h: Any) -> ClosedConductance:
-    """A number as a conductance of closed contact.
-
-    Raises:
-        ValueError: If it is not a number that is at least zero.
-    """
     expected = "a conductance: a number that is at least 0, or a function of pressure and gap"
-    check_number("h", h, expected, lambda value: value >= 0.0)
-    return ClosedConductance(float(h))
+    for term in terms:
+        if not callable(term):
+            check_number("h", term, expected, lambda value: value >= 0.0)
+    return [term if callable(term) else ClosedConductance(float(term)) for term in terms]
 
 
-def _three(term: ConductanceFunction, pressure: Array, gap: Array) -> Sequence[Any]:
-    """h, dh/dp and dh/dg of a term.
-
-    Raises:
-        MortarError: If a user's function returns anything else.
-    """
-    found = term(pressure, gap)
-    if isinstance(found, ConductanceValue):
-        return found
-    if not isinstance(found, Sequence) or len(found) != 3:
-        raise MortarError(
-            f"h: {term!r} returned {found!r}; expected h, dh/dp and dh/dg for arrays of pressures "
-            "and gaps"
-        )
-    return found
+_CHECKS: dict[str, Callable[[Any], object]] = {
+    "field": _check_field,
+    "h": _terms_of,
+    "heating": _check_heating,
+    "share": partial(
+        check_number, "share", expected="a fraction between 0 and 1", allows=lambda x: 0 <= x <= 1
+    ),
+    "scale": partial(
+        check_number, "scale", expected="a positive number", allows=lambda x: 0 < x < np.inf
+    ),
+    "temperature": _check_temperature,
+}

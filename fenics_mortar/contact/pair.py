@@ -230,8 +230,7 @@ def check_search_radius(search_radius: Any) -> None:
 def _check_fluxes(fluxes: Any) -> None:
     """Raise an error unless ``fluxes`` are conductances of different fields (local)."""
     expected = "a list of Conductance, one for each field that flows across the contact"
-    if not isinstance(fluxes, Sequence):
-        raise ValueError(f"fluxes={fluxes!r}: expected {expected}")
+    check_kind("fluxes", fluxes, Sequence, expected)
     for flux in fluxes:
         check_kind("fluxes", flux, Conductance, expected)
     names = {f if isinstance(f := flux.field, int) else id(f) for flux in fluxes}
@@ -507,7 +506,7 @@ class TiedPair:
 
     def __repr__(self) -> str:
         """The two sides."""
-        return f"TiedPair({self.slave_name!r}, {self.master_name!r})"
+        return f"{type(self).__name__}({self.slave_name!r}, {self.master_name!r})"
 
 
 def _numbers(fields: Any) -> tuple[int, ...]:
@@ -666,7 +665,3 @@ class Pretension(TiedPair):
     def present_jump(self) -> Array:
         """Displacement of the slave relative to the master, shape (dim,) [length] (local)."""
         return self.shortening * self.axis
-
-    def __repr__(self) -> str:
-        """The two faces."""
-        return f"Pretension({self.slave_name!r}, {self.master_name!r})"

@@ -37,22 +37,18 @@ neighbour, has no effect: for s > 0 the functions span the original space.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_mortar.contact.interface_fields import normal_parts
+from fenics_mortar.contact.interface_fields import normal_parts, tangential
 from fenics_mortar.contact.law import KINK, STICK, Branches, VectorRow
 from fenics_mortar.interface.mortar import Block, scaled
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.interface.surfaces import MIN_SHARE
-from fenics_mortar.kernels import complementarity
 from fenics_mortar.kernels.blocks import expand_rows
-from fenics_mortar.kernels.complementarity import choose, measure_rows
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
 
 if TYPE_CHECKING:
@@ -80,50 +76,20 @@ class Rows:
     rhs: Array
 
 
-class InterfaceRows(ABC):
-    """Rows of the multipliers of an interface, in the units of the bulk's rows (local).
+class ContactRows:
+    """Rows of the multipliers of a contact: gap and contact law (local).
+
+    Rows have the units of those of the bulk; those of a tie have the same methods.
 
     Args:
-        interface: The interface; its present fields ``now`` are used.
+        interface: The contact; its present fields ``now`` are used.
     """
 
     def __init__(self, interface: Any) -> None:
         self._interface = interface
 
-    @abstractmethod
     def linearized(self) -> Rows:
         """The linearized rows; shapes and units are those of ``Rows``."""
-
-    @abstractmethod
-    def measure(self) -> tuple[float, float]:
-        """Size of the nonlinear rows.
-
-        Returns:
-            Sum of squares of their left sides as forces [stress^2 length^2], and the largest mean
-            gap of an active node over its length [1].
-        """
-
-    @abstractmethod
-    def followed(self) -> Array:
-        """Diagonal blocks of the rows of active nodes, divided by their stiffness.
-
-        Plus or minus the dyads of the constrained directions, shape (slave nodes, 2, 2) [1].
-        """
-
-    @abstractmethod
-    def frame(self) -> Frame:
-        """Weights of the rows at the present state."""
-
-    @abstractmethod
-    def weighted(self, frame: Frame) -> Array:
-        """Rows weighted by ``frame``, zero at a solution, (slave nodes, c) [stress length]."""
-
-
-class ContactRows(InterfaceRows):
-    """Rows of a contact: gap and contact law."""
-
-    def linearized(self) -> Rows:
-        """See ``InterfaceRows``."""
         f: ContactFields = self._interface.now
         o, z, own = f.operators, f.z_u, f.interface.slave.owned
         if isinstance(o, SpaceOperators):
@@ -148,25 +114,33 @@ class ContactRows(InterfaceRows):
         return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
     def measure(self) -> tuple[float, float]:
-        """See ``InterfaceRows``."""
+        """Size of the nonlinear rows.
+
+        Returns:
+            Sum of squares of their left sides as forces [stress^2 length^2], and the largest mean
+            gap of an active node over its length [1].
+        """
         f: ContactFields = self._interface.now
-        dim = f.operators.slave.dim
-        rows = f.law_rows if dim == 2 else f.vector_rows  # derivatives are not needed
-        *along, opening = [row.residual + 0.0 for row in rows[:dim]]  # arrays of their own
-        squares, gap = measure_rows(
-            f.covered_gap, f.nodal_lengths, f.interface.stiffness, f.operators.diagonal, opening,
-            reduce(np.hypot, along), f.state.active, f.attracted,
-        )  # fmt: skip
-        return squares, gap
+        o, on, k = f.operators, f.state.active, f.interface.stiffness
+        rows = f.law_rows if o.slave.dim == 2 else f.vector_rows  # derivatives are not needed
+        sizes = o.diagonal * np.array([row.residual for row in rows[: o.slave.dim]])
+        along, opening, gap = sizes[:-1, f.acts], sizes[-1, f.attracted], f.covered_gap[on]
+        forces = np.concatenate([k[on] * gap, opening, along.ravel()])
+        largest = np.abs(gap / f.nodal_lengths[on]).max(initial=0.0)
+        return float(forces @ forces), float(largest)
 
     def followed(self) -> Array:
-        """See ``InterfaceRows``: the normal row of an active node has -k n_j . dd_j."""
+        """Diagonal blocks of the rows of active nodes, divided by their stiffness.
+
+        Plus or minus the dyads of the constrained directions, shape (slave nodes, dim, dim) [1];
+        the normal row of an active node has -k n_j . dd_j.
+        """
         f: ContactFields = self._interface.now
         n = f.operators.n * f.state.active[:, None]
         return -np.einsum("ja,jb->jab", n, n)
 
     def frame(self) -> Frame:
-        """See ``Frame``."""
+        """Weights of the rows at the present state, see ``Frame``."""
         f: ContactFields = self._interface.now
         o, k, active, acts = f.operators, f.interface.stiffness, f.state.active, f.acts
         per_gap = np.where(active, k / np.where(active, o.diagonal, 1.0), 0.0)[:, None]
@@ -180,7 +154,10 @@ class ContactRows(InterfaceRows):
         return np.zeros_like(o.n), idle, *along, opening, -by_law * o.n
 
     def weighted(self, frame: Frame) -> Array:
-        """See ``InterfaceRows``; in space the tangential rows are components of one vector."""
+        """Rows weighted by ``frame``, zero at a solution, (slave nodes, dim) [stress length].
+
+        In space the tangential rows are components of one vector.
+        """
         f: ContactFields = self._interface.now
         normal, idle, *weights = frame
         rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
@@ -206,8 +183,7 @@ class ContactRows(InterfaceRows):
 
 def gap_by_motions(f: ContactFields) -> Array:
     """d(mean gaps)/d(obstacle motions), (slave nodes, m) [1]; zero at uncovered nodes."""
-    o, on = f.on_obstacle, f.covered[:, None]
-    return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
+    return f.on_obstacle.dgap_dq * f.per_weight[:, None]
 
 
 def row_by_displacements(f: ContactFields, row: VectorRow) -> Iterator[Block]:
@@ -216,7 +192,7 @@ def row_by_displacements(f: ContactFields, row: VectorRow) -> Iterator[Block]:
     turned = o.normal_derivative(row.by_normal)[own]
     yield Block(own[:, None], o.normal_columns()[own], turned[:, None])
     if row.by_gap.any():
-        per_weight = np.where(f.covered, row.by_gap / np.where(f.covered, o.weight, 1.0), 0.0)
+        per_weight = row.by_gap * f.per_weight
         for block in o.gap_derivative():
             yield scaled(block, per_weight)
         for block in o.weight_derivative():
@@ -246,10 +222,9 @@ def gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
     o = f.acting
     if not scaled_tau.any():
         return [normal_rows(block, normal) for block in o.gap_derivative()]
-    per_weight = np.where(f.covered, 1.0 / np.where(f.covered, o.weight, 1.0), 0.0)
-    along = scaled_tau * per_weight[:, None]
+    along = scaled_tau * f.per_weight[:, None]
     blocks = [normal_rows(block, normal - along) for block in o.gap_derivative()]
-    mean = along * (o.gap * per_weight)[:, None]
+    mean = along * f.mean_gap[:, None]
     return blocks + [normal_rows(block, mean) for block in o.weight_derivative()]
 
 
@@ -287,15 +262,10 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
         z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
     if z is not state.z:
         f = f.after(state.replaced(z=z, force_decided=None))
-    may_close = f.covered & ~f.interface.set_aside
-    law, active, new = f.interface.pair.law, np.empty(len(o.n), bool), np.empty(o.n.shape)
-    resets, moves = complementarity.update_sets(
-        f.covered_gap, may_close, f.z_n, f.state.z, o.n, f.adhesion[0], f.attracted,
-        bool(law.bridges_gap), float(state.c_n), f.interface.modulus, f.interface.foundation,
-        f.nodal_lengths, KINK if start else -np.inf, o.x, LAST_DIGITS, before.active, active, new,
-    )  # fmt: skip
+    law, (active, new) = f.interface.pair.law, updated_set(f, start=start)
+    resets = bool((active != before.active).any())
     changes = {"active": active} if resets else {}
-    if changes or moves:
+    if resets or (new != f.state.z).any():
         f = f.after(f.state.replaced(z=new, **changes))
     branch = f.interface.law_calls.branch(f.nodal, before.branch)
     if o.n.shape[1] == 3 and law.has_friction:
@@ -309,6 +279,33 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     ruled = f.acts if law.bridges_gap else active
     changed = (active != before.active) | (ruled & f.interface.follows_law & branched)
     return f, int(np.count_nonzero(changed))
+
+
+def updated_set(f: ContactFields, *, start: bool) -> tuple[Flags, Array]:
+    """The active set, and the multipliers, of open nodes by the law (local).
+
+    Nodes with z_n + a > c_n (k / l) g are active; z_n + a = 0 at open nodes under adhesion. A node
+    is unchanged if both terms are rounding, of the modulus k or of the largest coordinate.
+
+    Args:
+        f: Fields of the present state.
+        start: Whether touching nodes are active in any case.
+
+    Returns:
+        The active set, shape (slave nodes,), bool, and multipliers, (slave nodes, dim) [stress].
+    """
+    c, o, gap, a, z = f.interface, f.operators, f.covered_gap, f.adhesion[0], f.state.z
+    push = np.where(f.attracted, 0.0, f.z_n + a)
+    closes = push > f.state.c_n * c.foundation * gap
+    largest = np.abs(o.x).max(initial=0.0)
+    known = (np.abs(push) > LAST_DIGITS * c.modulus) | (np.abs(gap) > LAST_DIGITS * largest)
+    closes = np.where(known, closes, f.state.active)
+    if start:
+        closes |= gap <= KINK * f.nodal_lengths
+    active, opened = f.covered & ~c.set_aside & closes, -a[:, None] * o.n
+    if c.pair.law.bridges_gap:
+        opened[f.attracted] += tangential(z, o.n)[f.attracted]
+    return active, np.where(active[:, None], z, opened)
 
 
 # Number of times that a node may turn back in a solve before it sticks first. The first time may be
@@ -366,8 +363,6 @@ def normals_on_planes(normals: Array, free: Array) -> Array:
     """
     inside = _cosines(normals, free)
     on_plane = _is_partly_prescribed(free) & (inside > PLANE_COSINE)
-    if normals.shape[1] == 2:
-        return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
     scale = np.where(on_plane, inside, 1.0)[:, None]
     return np.where(on_plane[:, None], normals * free / scale, np.nan)
 
@@ -414,7 +409,7 @@ class MultiplierNodes:
             neighbours = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step))
         else:
             neighbours = slave.neighbours
-        self._neighbours: Indices = np.ascontiguousarray(neighbours.T)
+        self._neighbours: Indices = neighbours.T
         self._changes: Indices = np.zeros(slave.num_nodes, np.int64)
 
     def begin(self) -> None:
@@ -428,10 +423,11 @@ class MultiplierNodes:
             multiplier_nodes: Present multiplier nodes, shape (slave nodes,), bool.
             cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
-        new, _, changed = self._choose(cover, multiplier_nodes)
-        if changed:
-            self._changes += new != multiplier_nodes
-        return new, changed
+        wanted = self.possible & ~(self._helped(cover) & (cover < MIN_SHARE))
+        new = np.where(self._changes < MAX_CHANGES, wanted, multiplier_nodes)
+        changes = new != multiplier_nodes
+        self._changes += changes
+        return new, int(changes.sum())
 
     def undecided(self, cover: Array, active: Flags) -> Indices:
         """Nodes next to active ones whose cover is close to ``MIN_SHARE`` (local).
@@ -445,16 +441,18 @@ class MultiplierNodes:
         Returns:
             Numbers of the nodes, shape (k,).
         """
-        _, helped, _ = self._choose(cover, active)
-        near = helped & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
+        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
         beside = ((self._neighbours >= 0) & active[self._neighbours]).any(axis=0)
         return np.flatnonzero(near & beside)
 
-    def _choose(self, cover: Array, present: Flags) -> tuple[Flags, Flags, int]:
-        """New multiplier nodes, nodes whose function can be handed over, number of changes."""
-        new, helped = np.empty((2, cover.size), bool)
-        changed = choose(
-            cover, self.possible, self._neighbours, MIN_SHARE, present, self._changes, MAX_CHANGES,
-            self._all_strong, new, helped,
-        )  # fmt: skip
-        return new, helped, changed
+    def _helped(self, cover: Array) -> Flags:
+        """Nodes that can hand their function over to a neighbour, (slave nodes,).
+
+        The cover of one neighbour is larger by ``MIN_SHARE``, or twice ``MIN_SHARE``, and in the
+        plane that of the other one is, too, or it is not covered.
+        """
+        there, least = self._neighbours >= 0, MIN_SHARE + np.minimum(cover, MIN_SHARE)
+        beside = np.where(there, cover[self._neighbours], 0.0)
+        strong = there & self.possible[self._neighbours] & (beside > least)
+        helped = strong.any(axis=0)
+        return helped & (strong | (beside == 0.0)).all(axis=0) if self._all_strong else helped

@@ -51,15 +51,16 @@ rotates.
 from __future__ import annotations
 
 import weakref
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from mpi4py import MPI
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, dia_array, vstack
+from scipy.sparse import coo_array, csr_array, dia_array, eye, vstack
 
 from fenics_mortar.contact.arcs import (
     Arc,
@@ -68,6 +69,7 @@ from fenics_mortar.contact.arcs import (
     Rotations,
     arc,
     doubt_beside_known,
+    moved_by,
     orientation,
     quarter_turn,
     rotated_by,
@@ -130,30 +132,19 @@ def by_positions(
         yield Block(j[:, None], surface.dofs[k], values[:, None])
 
 
-class AtLastOperators:
-    """What depends on positions since a state, kept for the last operators alone (local)."""
+class Pairing:
+    """What is found from an accepted state on, when it is first read (local).
 
-    _last: tuple[weakref.ref[MortarOperators], Any] | None = None
-
-    def at(self, o: MortarOperators, find: Callable[[Any], Any]) -> Any:
-        """The result of the function for operators ``o``, called once for the same ones."""
-        if self._last is None or self._last[0]() is not o:
-            self._last = weakref.ref(o), find(o)
-        return self._last[1]
-
-
-class Pairing(AtLastOperators):
-    """Matrices of the partners and b_j at the accepted state, computed when first read (local).
-
-    Without friction they are hardly ever read.
+    Without friction it is hardly ever read.
 
     Args:
-        build: Function that returns ``D``, ``M``, ``start`` and ``angle`` of ``Partners``.
+        build: Function that returns ``D``, ``M``, ``start`` and ``angle`` of ``AtStart``.
     """
 
     def __init__(self, build: Callable[[], tuple[csr_array, csr_array, Array, Array]]) -> None:
         self._build = build
-        self._coupled: tuple[Indices, Indices] | None = None
+        self._last: tuple[weakref.ref[MortarOperators], Any] | None = None
+        self._found: dict[str, Any] = {}
 
     @cached_property
     def built(self) -> tuple[csr_array, csr_array, Array, Array]:
@@ -162,40 +153,37 @@ class Pairing(AtLastOperators):
         del self._build
         return found
 
-    @cached_property
-    def entries(self) -> tuple[Entries, Entries]:
-        """Entries of D and M."""
-        return entries_of(self.built[0]), entries_of(self.built[1])
-
     def __getstate__(self) -> dict[str, Any]:
         """The matrices, for a pickle: the function may have none (local)."""
-        return {"built": self.built, "_coupled": None}
+        return {"built": self.built, "_last": None, "_found": {}}
 
-    def coupled(self, master: Curve, *, turns: bool) -> tuple[Indices, Indices]:
-        """Slave nodes and the master nodes coupled to them, each (k,), found once (local).
+    def at(self, o: MortarOperators, find: Callable[[Any], Any]) -> Any:
+        """The result of the function for operators ``o``, called once for the same ones."""
+        if self._last is None or self._last[0]() is not o:
+            self._last = weakref.ref(o), find(o)
+        return self._last[1]
 
-        Args:
-            master: The other surface.
-            turns: Whether slip depends on the normals at the partners, and so on the nodes beside.
-        """
-        if self._coupled is None:
-            j, l, _ = self.entries[1]
-            if turns:
-                near = master.along(l, range(-master.degree, master.degree + 1))
-                pairs = (j[:, None] * master.num_nodes + near)[near >= 0]
-                j, l = np.divmod(np.unique(pairs), master.num_nodes)
-            self._coupled = j, l
-        return self._coupled
+    def once(self, name: str, find: Callable[[], Any]) -> Any:
+        """The result of the function for a name, called once."""
+        if name not in self._found:
+            self._found[name] = find()
+        return self._found[name]
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtStart:
+class AtStart(ABC):
     """An accepted state, from which slip is counted, equal on all ranks.
 
     Attributes:
+        pairing: ``D``, ``M``, ``start`` and ``angle``.
         x, m: Positions of slave and master nodes, shapes (nodes, dim) [length].
+        normals: Normals of contact at that state, shape (slave nodes, dim).
         least: Diagonal entries of D above which contact closes the gap of a node, inf if a law acts
             at open gaps, shape (slave nodes,) [length], in space [area].
+        present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length], in space
+            [1 / area].
+        feet: The nearest points of an obstacle in its own frame, shape (slave nodes, dim) [length].
+        place: Place of the obstacle at that state, shape (m,) [length, radian].
         counted: Slip of the step that is counted at that state, shape (slave nodes,), in space
             (slave nodes, 3) [length].
         shear: z_tau at that state, in space the tangential part of z, zero where open, shape
@@ -208,9 +196,14 @@ class AtStart:
         led: Nodes whose partners are those after motions that lead bodies, see ``arcs``.
     """
 
+    pairing: Pairing
     x: Array
     m: Array
+    normals: Array
     least: Array
+    present: Array
+    feet: Array
+    place: Array
     counted: Array
     shear: Array
     pressure: Array
@@ -219,38 +212,7 @@ class AtStart:
     turns: tuple[Array, ...] = ()
     led: Led | None = None
 
-
-def at_start(o: MortarOperators, least: Array) -> dict[str, Any]:
-    """Fields of ``AtStart`` at the state of operators, which counts no slip (local)."""
-    none = np.zeros(len(o.x))
-    fields = {"x": o.x, "m": o.m, "least": least, "shear": none, "pressure": none, "gap": none}
-    return fields | {"counted": none if o.slave.dim == 2 else np.zeros_like(o.x)}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Partners(AtStart):
-    """Partners of all slave nodes at an accepted state, equal on all ranks.
-
-    Attributes:
-        pairing: ``D``, ``M``, ``start`` and ``angle``.
-        normals: Normals of contact at that state, shape (slave nodes, 2).
-        planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2);
-            ``None`` if surfaces do not rotate, with small sliding.
-        weight: Weights w_j at that state, shape (slave nodes,) [length].
-        feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
-        place: Place of the obstacle at that state, shape (3,) [length, length, radian].
-        present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
-    """
-
-    pairing: Pairing
-    normals: Array
-    planes: Array | None
-    weight: Array
-    feet: Array
-    place: Array
-    present: Array
-
-    def led_by(self, there: Partners, led: Led) -> Partners:
+    def led_by(self, there: Self, led: Led) -> Self:
         """These partners, with those ``there``, found after the motions, at new nodes (local)."""
 
         def build() -> tuple[csr_array, csr_array, Array, Array]:
@@ -278,26 +240,111 @@ class Partners(AtStart):
 
     @property
     def start(self) -> Array:
-        """r_0 of ``arcs``: b_j, or vectors from the pivot, (slave nodes, 2) [length]."""
+        """r_0 of ``arcs``: b_j, or vectors from the pivot, (slave nodes, dim) [length]."""
         return self.pairing.built[2]
+
+    @property
+    def entries(self) -> tuple[Entries, Entries]:
+        """Entries of D and M."""
+        return self.pairing.once("entries", lambda: (entries_of(self.D), entries_of(self.M)))
+
+    def gap_vectors(self, o: Any) -> Array:
+        """Vectors from partners to nodes at positions of ``o``, (slave nodes, dim) [length]."""
+        if isinstance(o, ObstacleOperators):
+            return np.asarray(o.x - o.obstacle.to_space(self.feet))
+        return np.asarray(self.D @ o.x - self.M @ o.m)
+
+    def vectors(self, o: Any) -> Array:
+        """R of ``arcs``: b_j, or vectors from the pivot, (slave nodes, dim) [length].
+
+        Collective between surfaces at the first access to ``o.vectors``.
+        """
+        if isinstance(o, ObstacleOperators):
+            return o.x - centre_of(o.obstacle)
+        r = self.gap_vectors(o)
+        return r - self.present[:, None] * o.vectors if self.present.any() else r
+
+    def by_vectors(self, o: Any, by_vector: Array, along: Array) -> Iterator[Block]:
+        """Blocks of by_vector_j . dr_j + along_j . dV_j of this rank, V as in ``arcs`` (local).
+
+        Args:
+            o: Operators.
+            by_vector: Shape (slave nodes, dim) [1].
+            along: Directions of slip, shape (slave nodes, dim) [1].
+        """
+        yield from by_positions(o, self.entries, by_vector)
+        if self.led is not None:  # along . (w x dx) = -(w x along) . dx
+            own = o.slave.owned[self.led.new[o.slave.owned]]
+            values = -0.5 * moved_by(self.led.turn[own], along[own])
+            yield Block(own[:, None], o.slave.dofs[own], values[:, None])
+        if self.present.any():
+            yield from o.vector_derivative(-self.present[:, None] * by_vector)
+
+    def at(self, o: Any) -> Any:
+        """Rotations and slip since that state, without ``counted``: the result of ``_evaluate``.
+
+        Collective between surfaces at the first access to ``o.vectors``, local past an obstacle.
+        """
+        return self.pairing.at(o, self._evaluate)
+
+    @abstractmethod
+    def _evaluate(self, o: Any) -> Any:
+        """Slip at operators ``o``: ``Evaluated``, in space ``Screw`` or ``PastObstacle``."""
+
+
+# Attributes of partners that are those after motions at nodes of ``Led.new``.
+OF_PARTNERS = ("normals", "present", "feet")
+
+
+def accepted(
+    o: Any, per_weight: Array, measure: Measure, least: Array, angle: Callable[[csr_array], Array]
+) -> dict[str, Any]:
+    """Fields of ``AtStart`` at the state of operators, which counts no slip (collective).
+
+    Args:
+        o: Operators of the accepted state.
+        per_weight: 1 / w_j of slave nodes with rows in D and M, else 0, shape (slave nodes,)
+            [1 / length], in space [1 / area].
+        measure: Measure of slip, see above.
+        least: See ``AtStart``.
+        angle: Function of ``M`` that returns ``angle``.
+    """
+    none, moves = np.zeros(len(o.x)), np.zeros_like(o.x)
+    given = {"x": o.x, "m": o.m, "normals": o.n, "least": least}
+    given |= {"shear": none, "pressure": none, "gap": none, "present": none}
+    given |= {"counted": none if o.slave.dim == 2 else moves, "feet": moves, "place": np.zeros(0)}
+    if isinstance(o, ObstacleOperators):
+        given |= {"feet": o.obstacle.to_own_frame(o.nearest_points())}
+        ends = csr_array(eye(len(o.x))), csr_array((len(o.x), 0)), o.x - centre_of(o.obstacle), none
+        return given | {"pairing": Pairing(lambda: ends), "place": o.obstacle.place.copy()}
+    if o.slave.comm.size > 1:
+        _ = o.matrices  # collective
+    present = per_weight if measure == "operators" else none
+
+    def build() -> tuple[csr_array, csr_array, Array, Array]:
+        D, M = weights_of_partners(o, per_weight)
+        return D, M, np.where(present[:, None] != 0.0, 0.0, D @ o.x - M @ o.m), angle(M)
+
+    return given | {"pairing": Pairing(build), "present": present}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Partners(AtStart):
+    """Partners of all slave nodes at an accepted state, equal on all ranks.
+
+    Attributes:
+        planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2);
+            ``None`` if surfaces do not rotate, with small sliding.
+        weight: Weights w_j at that state, shape (slave nodes,) [length].
+    """
+
+    planes: Array | None
+    weight: Array
 
     @property
     def angle(self) -> Array:
         """``Orientation.angle`` at that state, (slave nodes,) [radian]; zero on an obstacle."""
         return self.pairing.built[3]
-
-    def gap_vectors(self, o: MortarOperators) -> Array:
-        """Distance vectors b_j at the positions of ``o``, shape (slave nodes, 2) [length]."""
-        if isinstance(o, ObstacleOperators):
-            return o.x - o.obstacle.to_space(self.feet)
-        gap_vectors = self.D @ o.x - self.M @ o.m
-        return (
-            gap_vectors - self.present[:, None] * o.vectors if self.present.any() else gap_vectors
-        )
-
-    def at(self, o: MortarOperators) -> Evaluated:
-        """Rotations and slip since that state, without ``counted`` (local)."""
-        return self.pairing.at(o, self._evaluate)
 
     def doubt(self, o: MortarOperators, turns: tuple[Array, ...], active: Flags) -> Array:
         """Difference between the rotations of ``arc`` and those that are known, (n,) [radian].
@@ -348,12 +395,12 @@ class Partners(AtStart):
     def _evaluate(self, o: MortarOperators) -> Evaluated:
         if isinstance(o, ObstacleOperators):
             now, turned = None, self._past_obstacle(o)
-            vectors, start = o.x - centre_of(o.obstacle), rotated_by(o.n, -turned.beta)
+            start = rotated_by(o.n, -turned.beta)
         else:
             now = None if self.planes is None else orientation(o, self.M, self.planes)
             turned = rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
-            vectors, start = self.gap_vectors(o), self.normals
-        ends = (vectors, o.n), (self.start, start)
+            start = self.normals
+        ends = (self.vectors(o), o.n), (self.start, start)
         found = arc(*ends, turned.theta, turned.beta, self._closed(o))
         if self.led is not None:  # tau . V
             way = self.led.way_at(o.x)
@@ -366,17 +413,13 @@ class Partners(AtStart):
         on = o.diagonal > self.least
         return np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0)
 
-    def arc(self, o: MortarOperators) -> Arc:
-        """Slip since that state and its derivatives, see ``arcs`` (local)."""
-        return self.at(o).arc
-
     def slip(self, o: MortarOperators) -> Array:
         """Slip since that state, shape (slave nodes,) [length]."""
-        return self.arc(o).slip + self.counted
+        return self.at(o).arc.slip + self.counted
 
     def rotated(self, o: MortarOperators) -> Array:
         """Vectors v_j so that d(tau_j) . v_j is the change of slip by dn_j, (n, 2) [length]."""
-        return -_by_normal(o, self.arc(o))[:, None] * o.n
+        return -_by_normal(o, self.at(o).arc)[:, None] * o.n
 
     def derivative(self, o: MortarOperators) -> Iterator[Block]:
         """Blocks of the slip's derivative of this rank: rows slave nodes, columns dofs [1].
@@ -385,14 +428,7 @@ class Partners(AtStart):
         contact normals, and ``Arc.by_gap`` times the derivative of the mean gap.
         """
         now, _, found = self.at(o)
-        along = found.by_vector
-        yield from by_positions(o, self.pairing.entries, along)
-        if self.led is not None:  # tau . (w x dx) = w n . dx
-            own = o.slave.owned[self.led.new[o.slave.owned]]
-            values = 0.5 * (self.led.turn * o.n)[own]
-            yield Block(own[:, None], o.slave.dofs[own], values[:, None])
-        if self.present.any():
-            yield from o.vector_derivative(-self.present[:, None] * along)
+        yield from self.by_vectors(o, found.by_vector, quarter_turn(o.n))
         if self.planes is None or not o.linearization.normals:
             return
         if isinstance(o, ObstacleOperators):
@@ -409,26 +445,33 @@ class Partners(AtStart):
             weights: Shape (slave nodes,) [length].
         """
         yield _of_normals(o, (at.slave, at.d_slave), -weights)
-        j, l, share = self.pairing.entries[1].share(o.slave.comm)
+        j, l, share = self.entries[1].share(o.slave.comm)
         along = share[:, None] * (weights[:, None] * at.by_partners)[j]
         values = np.einsum("bc,bcq->bq", along, at.d_master[l])
         yield Block(j[:, None], o.master.near_dofs[l, : values.shape[1]], values[:, None])
 
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
         """Derivative of the slip by obstacle motions at constant gap, (slave nodes, 3) [1]."""
-        found = self.arc(o)
+        found = self.at(o).arc
         tau = quarter_turn(o.n)
         turned = np.einsum("jam,ja->jm", o.dn_dq, tau) * _by_normal(o, found)[:, None]
         by_angle = found.by_rotation / o.arm
         return turned + np.column_stack([-found.by_vector, by_angle])
 
     def pairs(self, o: MortarOperators) -> tuple[Indices, Indices]:
-        """Slave nodes and the master nodes coupled to them, each (k,)."""
-        return self.pairing.coupled(o.master, turns=self.planes is not None)
+        """Slave nodes and the master nodes coupled to them, each (k,).
 
+        With rotations slip depends on the normals at the partners, and so on the nodes beside.
+        """
+        return self.pairing.once("pairs", lambda: self._pairs(o.master))
 
-# Attributes of partners that are those after motions at nodes of ``Led.new``.
-OF_PARTNERS = ("normals", "present", "feet")
+    def _pairs(self, master: Curve) -> tuple[Indices, Indices]:
+        j, l, _ = self.entries[1]
+        if self.planes is None:
+            return j, l
+        near = master.along(l, range(-master.degree, master.degree + 1))
+        coupled = (j[:, None] * master.num_nodes + near)[near >= 0]
+        return np.divmod(np.unique(coupled), master.num_nodes)
 
 
 def rows_of(new: Flags, rows: csr_array, led: csr_array) -> csr_array:
@@ -462,59 +505,39 @@ def _of_normals(o: MortarOperators, normals: tuple[Array, Array], weights: Array
 
 
 def centre_of(obstacle: Obstacle) -> Array:
-    """Present position of the pivot of an obstacle, shape (2,) [length]."""
-    return np.asarray(obstacle.pivot + obstacle.place[:2])
+    """Present position of the pivot of an obstacle, shape (dim,) [length]."""
+    return np.asarray(obstacle.pivot + obstacle.place[: obstacle.dim])
 
 
 def find_partners(
     o: Any,
-    faces: Flags,
-    measure: Measure = "partners",
+    per_weight: Array,
+    measure: Measure,
     *,
     least: Array,
     master_planes: Array | None,
-    between: bool = False,
+    between: bool,
 ) -> Partners:
     """Partners at the state of ``o`` (collective).
 
     Args:
         o: Operators of the accepted state.
-        faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
-        measure: Measure of slip, see ``slip``.
-        least: See ``Partners``.
+        per_weight: See ``accepted``.
+        measure: Measure of slip.
+        least: See ``AtStart``.
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2);
             ``None`` if surfaces do not rotate.
         between: Whether to find ``Partners.facing``.
     """
-    none, given = np.zeros(len(o.x)), at_start(o, least)
-    given |= {"normals": o.n, "planes": master_planes, "weight": o.weight}
-    if isinstance(o, ObstacleOperators):
-        given |= {"feet": o.obstacle.to_own_frame(o.nearest_points()), "present": none}
-        start = o.x - centre_of(o.obstacle)
-        on_obstacle = csr_array(np.eye(len(o.x))), csr_array((len(o.x), 0)), start, none
-        pairing = Pairing(lambda: on_obstacle)
-        return Partners(pairing=pairing, place=o.obstacle.place.copy(), **given)
-    if o.slave.comm.size > 1:
-        _ = o.matrices  # collective
-    per_weight = per_weight_of(o, faces)
-    present = per_weight if measure == "operators" else none
-    vectors = present[:, None] * o.vectors if present.any() else 0.0  # collective
 
-    def build() -> tuple[csr_array, csr_array, Array, Array]:
-        D, M = weights_of_partners(o, per_weight)
-        angle = none if master_planes is None else orientation(o, M, master_planes).angle
-        return D, M, D @ o.x - M @ o.m - vectors, angle
+    def angle(M: csr_array) -> Array:
+        return none if master_planes is None else orientation(o, M, master_planes).angle
 
-    given |= {"facing": face(o, o.segments) if between else None, "present": present}
-    return Partners(pairing=Pairing(build), feet=np.zeros_like(o.x), place=np.zeros(3), **given)
-
-
-def per_weight_of(o: MortarOperators, faces: Flags) -> Array:
-    """1 / w_j of nodes that have partners, ``faces`` (n,), else 0, (n,) (local).
-
-    Units [1 / area], in the plane [1 / length].
-    """
-    return np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
+    none = np.zeros(len(o.x))
+    given = accepted(o, per_weight, measure, least, angle)
+    if between and not isinstance(o, ObstacleOperators):
+        given |= {"facing": face(o, o.segments)}
+    return Partners(planes=master_planes, weight=o.weight, **given)
 
 
 def weights_of_partners(o: MortarOperators, per_weight: Array) -> tuple[csr_array, csr_array]:

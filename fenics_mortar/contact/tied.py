@@ -43,12 +43,12 @@ Pairs are bound here to the space of the displacement, and tied gaps are removed
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import coo_array, csc_array, csr_array, eye
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.contact import Contact
@@ -152,11 +152,6 @@ class Tie(Interface):
         vector = ", ".join(f"{x:.6g}" for x in period)
         return f", or, for the two sides of a periodic cell, take translation=({vector})"
 
-    def yield_at(self, nodes: Flags) -> None:
-        """Remove multipliers as ``drop``; the joint may open at these nodes (collective)."""
-        self.open_ends = nodes & self.may_carry
-        self.drop(nodes)
-
     def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool, also of fields (collective).
 
@@ -231,15 +226,12 @@ class Tie(Interface):
         """
         if self.pair.translation.any() or self.slave.dim == 3:
             return NO_WELDS
-        ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
+        sides = self.slave, self.master
+        ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in sides]
         gaps = self.slave.X[ends[0], None] - self.master.X[ends[1]]
         near = np.linalg.norm(gaps, axis=2) < SAME_PLACE * self.slave.nodal_lengths[ends[0], None]
         j, l = np.nonzero(near)
         return np.stack([self.slave.nodes[ends[0][j]], self.master.nodes[ends[1][l]]], axis=1)
-
-    @property
-    def _sides(self) -> tuple[Any, Any]:
-        return self.slave, self.master
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate jump, positions and normals at ``u``, shape (local dofs,) (collective)."""
@@ -272,35 +264,30 @@ class Tie(Interface):
             The largest motion over the size of the surface, 0 if it is rounding [1].
         """
         on, slave = self.active_nodes, self.slave
-        if slave.dim == 3 and self.at_vertices:
-            return self._close_at_corners(space)
-        idle = np.where(self.active[:, None], 0.0, slave.X)
-        rhs = (self.M @ self.master.X - self.D @ idle)[on]
-        X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, self.slave.dim)
-        return self._move(space, on, X)
-
-    def _close_at_corners(self, space: DisplacementSpace) -> float:
-        """As ``close_gap``, with corners that take the other nodes of their facets along."""
-        inner, corners, weights = self.slave.between_corners
-        on, count = self.active_nodes, self.slave.num_nodes
-        first = np.unique(inner, return_index=True)[1]
-        i = np.concatenate([np.repeat(inner[first], corners.shape[1]), on])
-        k = np.concatenate([corners[first].ravel(), on])
-        v = np.concatenate([weights[first].ravel(), np.ones(on.size)])
-        take = coo_array((v, (i, k)), shape=(count, count)).tocsr()[:, on]
-        gap = (self.M @ self.master.X - self.D @ self.slave.X)[on]
-        change = spsolve(csc_array((self.D @ take)[on]), gap).reshape(-1, self.slave.dim)
-        X = self.slave.X + take @ change
-        return self._move(space, np.arange(count), X)
-
-    def _move(self, space: DisplacementSpace, nodes: Indices, X: Array) -> float:
-        """Move slave nodes to ``X`` (k, dim); see ``close_gap`` (collective)."""
-        size = self.slave.extent + np.abs(self.slave.X).max()
-        motion = float(np.abs(X - self.slave.X[nodes]).max() / size)
+        take = self._followers()[:, on]
+        gap = (self.M @ self.master.X - self.D @ slave.X)[on]
+        change = spsolve(csc_array((self.D @ take)[on]), gap).reshape(-1, slave.dim)
+        X, moved = slave.X + take @ change, np.unique(take.nonzero()[0])
+        size = slave.extent + np.abs(slave.X).max()
+        motion = float(np.abs(X - slave.X).max() / size)
         if motion <= LAST_DIGITS:
             return 0.0
-        space.move_nodes(self.slave.nodes[nodes], X)
+        space.move_nodes(slave.nodes[moved], X[moved])
         return motion
+
+    def _followers(self) -> csr_array:
+        """Motions of slave nodes by those of others (slave nodes, slave nodes) [1].
+
+        Where multipliers are at corners alone, these take the other nodes of their facets along.
+        """
+        count = self.slave.num_nodes
+        if not (self.slave.dim == 3 and self.at_vertices):
+            return csr_array(eye(count))
+        inner, corners, weights = self.slave.between_corners
+        first = np.unique(inner, return_index=True)[1]
+        at = np.repeat(inner[first], corners.shape[1]), corners[first].ravel()
+        along = coo_array((weights[first].ravel(), at), shape=(count, count))
+        return csr_array(eye(count) + along)
 
     def update_reference(self, space: DisplacementSpace) -> None:
         """Update the reference positions from the mesh (collective)."""
@@ -313,8 +300,8 @@ class Tie(Interface):
         return self._force_blocks
 
     def limit_sight(self, outline: Outline) -> Outline:
-        """See ``Interface``; tied facets do not limit the search."""
-        for side in self._sides:
+        """Store the outlines of the bodies; tied facets do not limit the search."""
+        for side in (self.slave, self.master):
             outline = outline.without(side, self.nodes)
         return outline
 
@@ -335,14 +322,15 @@ def drop_crosspoints(ties: Sequence[Tie]) -> None:
     shared = [np.isin(tie.slave.nodes, nodes) for tie, nodes in zip(ties, others, strict=True)]
     follows: dict[int, list[int]] = {}
     for tie, excluded in zip(ties, shared, strict=True):
-        follows.update(_masters(tie, np.flatnonzero(tie.components.some_carry & ~excluded)))
+        mine = np.flatnonzero(tie.components.some_carry & ~excluded)
+        follows.update({int(tie.slave.nodes[j]): tie.masters_of(j) for j in mine})
     candidates: list[tuple[int, int, int]] = []  # by cover in whole units of rounding
     for i, tie in enumerate(ties):
         cover = np.round(tie.operators.cover / tie.slave.full_cover / SAME_PLACE).astype(np.int64)
         mine = np.flatnonzero(shared[i] & tie.components.some_carry)
         candidates += [(-int(cover[j]), i, int(j)) for j in mine]
     for _, i, j in sorted(candidates):
-        ((node, masters),) = _masters(ties[i], np.array([j]))
+        node, masters = int(ties[i].slave.nodes[j]), ties[i].masters_of(j)
         if node not in follows and not _depends(follows, masters, node):
             follows[node] = masters
             shared[i][j] = False
@@ -350,32 +338,22 @@ def drop_crosspoints(ties: Sequence[Tie]) -> None:
         tie.drop(nodes)
 
 
-def drop_shared_multipliers(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Remove the multipliers of tied nodes that belong to other pairs (collective)."""
-    used = [c.nodes for c in bound]
-    for tie in ties:
-        others = _joined(nodes for nodes, c in zip(used, bound, strict=True) if c is not tie)
-        tie.yield_at(np.isin(tie.slave.nodes, others))
+def drop_nodes_of_others(ties: Sequence[Tie], bound: Sequence[Interface], *, chains: bool) -> None:
+    """Remove multipliers of tied nodes that belong to other pairs: joints may open (collective).
 
-
-def drop_contact_nodes(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Remove the multipliers of tied nodes that kept one of a contact (collective).
-
-    A contact keeps its multipliers at tied nodes if it had none otherwise.
+    With chains only where a contact kept its multipliers, since it had none otherwise.
     """
-    kept = _joined(c.slave.nodes[c.may_carry] for c in bound if isinstance(c, Contact))
+    pairs = [c for c in bound if isinstance(c, Contact) or not chains]
+    used = [c.slave.nodes[c.may_carry] if chains else c.nodes for c in pairs]
     for tie in ties:
-        tie.yield_at(np.isin(tie.slave.nodes, kept))
+        others = _joined(nodes for nodes, c in zip(used, pairs, strict=True) if c is not tie)
+        nodes = np.isin(tie.slave.nodes, others)
+        tie.open_ends = nodes & tie.may_carry
+        tie.drop(nodes)
 
 
 def _joined(arrays: Iterable[Indices]) -> Indices:
     return np.concatenate([NO_NODES, *arrays])
-
-
-def _masters(tie: Tie, slaves: Indices) -> Iterator[tuple[int, list[int]]]:
-    """Global slave nodes, and the master nodes that each of them follows."""
-    for j in slaves:
-        yield int(tie.slave.nodes[j]), tie.masters_of(int(j))
 
 
 def _depends(follows: dict[int, list[int]], masters: list[int], node: int) -> bool:
@@ -425,7 +403,7 @@ def bind(
         ]
 
     bound = all_bound()
-    (drop_contact_nodes if chains else drop_shared_multipliers)(every_tie, bound)
+    drop_nodes_of_others(every_tie, bound, chains=chains)
     if close_gaps(every_tie, space):
         bound = all_bound()
     for contact in bound:

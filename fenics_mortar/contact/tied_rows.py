@@ -27,7 +27,6 @@ quadratic functions it would have two constraints for each dof.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -38,7 +37,7 @@ from scipy.sparse import csr_array, diags
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.interface import Components, acting_entries
 from fenics_mortar.contact.interface_fields import InterfaceFields, field
-from fenics_mortar.contact.rows import Frame, InterfaceRows, Rows
+from fenics_mortar.contact.rows import Frame, Rows
 from fenics_mortar.interface.faces import surface_of_vertices
 from fenics_mortar.interface.integrals import MortarInput, PlaneOperators, evaluate_mortar
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
@@ -115,15 +114,18 @@ class TiedFields(InterfaceFields):
         return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)
 
 
-class TiedRows(InterfaceRows):
+class TiedRows:
     """Rows of a tie: transposed force blocks, so that the system is symmetric.
 
     The frame consists of ``TiedComponents.idle`` and ``row_weight``. Rows of fields have the
     unit of their equations, those of displacements are symmetric to the forces.
     """
 
+    def __init__(self, interface: Any) -> None:
+        self._interface = interface
+
     def linearized(self) -> Rows:
-        """See ``InterfaceRows``."""
+        """The linearized rows; shapes and units are those of ``Rows``."""
         f: TiedFields = self._interface.now
         idle, weight = self.frame()
         weights = weight.ravel()
@@ -135,7 +137,7 @@ class TiedRows(InterfaceRows):
         return Rows(blocks, A_z, -weight * f.jumps)
 
     def measure(self) -> tuple[float, float]:
-        """See ``InterfaceRows``: the jump of active nodes."""
+        """Size of the nonlinear rows: the jump of active nodes."""
         f: TiedFields = self._interface.now
         of = self._interface.components
         rows = (f.interface.stiffness[:, None] / (of.weight * of.units)) * f.jumps
@@ -143,16 +145,16 @@ class TiedRows(InterfaceRows):
         return float((rows**2).sum()), float(gaps.max(initial=0.0))
 
     def followed(self) -> Array:
-        """See ``InterfaceRows``; all directions are constrained."""
+        """Diagonal blocks [1] of the rows of active nodes: all directions are constrained."""
         return np.tile(np.eye(self._interface.slave.dim), (len(self._interface.z), 1, 1))
 
     def frame(self) -> Frame:
-        """See ``InterfaceRows``."""
+        """Weights of the rows at the present state, see ``Frame``."""
         of = self._interface.components
         return of.idle, of.row_weight
 
     def weighted(self, frame: Frame) -> Array:
-        """See ``InterfaceRows``."""
+        """Rows weighted by ``frame``, zero at a solution, (slave nodes, dim) [stress length]."""
         f: TiedFields = self._interface.now
         idle, weight = frame
         return weight * f.jumps - idle * f.state.z
@@ -199,26 +201,25 @@ class TiedComponents(Components):
             self.weight[on, c] = of_flux.weight[flux.active]
 
     def set_units(self, units: Array, to_force: Array, diagonal: Array) -> None:
-        """See ``Components``."""
+        """Set the scales of all unknowns, see ``bulk.residual`` (collective)."""
         for c, flux in enumerate(self._interface.fluxes, self._interface.slave.dim):
             self.units[flux.at, c] = flux.traces[0].gather(units)
             self.to_force[flux.at, c] = flux.traces[0].gather(to_force)
 
     @property
     def inverse(self) -> Array:
-        """See ``Components``."""
+        """1 / D_jj where a component acts and its dof is free, else 0 [1 / length]."""
         return np.where(self.acts, 1.0 / self.diagonal, 0.0)
 
     @property
     def scale(self) -> Array:
-        """See ``Components``."""
+        """z_j / zeta_j, see ``la.system`` [stress / length]."""
         return self._interface.stiffness[:, None] / (self.diagonal * self.to_force)
 
     @property
     def row_weight(self) -> Array:
         """Factor of the rows of jumps, zero where no component acts [row / length / unit]."""
-        weight = self._interface.stiffness[:, None] / (self.diagonal * self.units * self.to_force)
-        return np.where(self.acts, weight, 0.0)
+        return np.where(self.acts, self.scale / self.units, 0.0)
 
     @property
     def idle(self) -> Array:
@@ -227,12 +228,12 @@ class TiedComponents(Components):
 
     @property
     def some_carry(self) -> Flags:
-        """See ``Components``."""
+        """Whether a slave node ever carries a component, shape (slave nodes,), bool."""
         return self.acts.any(axis=1)
 
     @property
     def all_carry(self) -> Flags:
-        """See ``Components``."""
+        """Whether it may carry all of them, shape (slave nodes,), bool."""
         return self.acts.all(axis=1)
 
 
@@ -397,38 +398,10 @@ class TiedField:
         for trace, loads in zip(self.traces, self.loads(), strict=True):
             trace.scatter_add(loads, target)
 
-    def add_newton_loads(self, target: Array) -> None:
-        """Nothing: the loads are linear in the multipliers."""
-
-    def add_row_loads(self, target: Array) -> None:
-        """Nothing: rows are those of the multipliers (local)."""
-
-    def move(self, z: Array, fraction: float, step: Array, motion: Array) -> None:
-        """Nothing: fluxes are multipliers (local)."""
-
-    def row_squares(self) -> float:
-        """Zero [1]: rows are those of the multipliers (local)."""
-        return 0.0
-
-    exceeds = jumps = False  # there is no conductance
-
-    def softened(self) -> AbstractContextManager[None]:
-        """Nothing: there is no conductance (local)."""
-        return nullcontext()
-
-    def settle(self) -> None:
-        """Nothing: fluxes are multipliers (local)."""
-
     @property
     def conducts(self) -> Flags:
         """Slave nodes with a multiplier of the field, shape (slave nodes,), bool."""
-        conducts = np.zeros(self._tie.slave.num_nodes, bool)
-        conducts[self.carriers] = True
-        return conducts
-
-    def derivative(self) -> list[Block]:
-        """Empty: the loads do not depend on the unknowns of the bodies."""
-        return []
+        return self._tie.components.acts[:, self._component]
 
     def by_multipliers(self) -> Block:
         """Derivatives of the loads by multipliers; columns index z.ravel() (local)."""

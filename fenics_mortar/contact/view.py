@@ -8,14 +8,17 @@ Messages on contacts and ties: overlaps, interference, search radius, ties that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import read_only
 from fenics_mortar.contact.law import Coulomb
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface, replicate
@@ -86,8 +89,17 @@ def side_of(surface: Surface, space: DisplacementSpace) -> PairSide:
     return PairSide(surface.name, X, nodes, input_nodes, dofs)
 
 
+def copied(name: str) -> Any:
+    """Read-only attribute of a view: copy of an array of its interface."""
+    return property(partial(_copy, attrgetter(f"_interface.{name}")), doc="See ``PairView``.")
+
+
+def _copy(read: Callable[[PairView], Array], view: PairView) -> Array:
+    return np.array(read(view))
+
+
 class PairView:
-    """Results on a contact or tied pair of a problem, ``problem.contacts[i]``; properties only.
+    """Results on a contact or tied pair of a problem, ``problem.contacts[i]``.
 
     Forces and pressures are those on the slave. The outward normal of the slave is n, its tangent
     tau = (-n_y, n_x); slip and shear are positive along tau. In space these are tangential vectors,
@@ -97,7 +109,34 @@ class PairView:
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
     the solution. With degree 2, ends and midpoints of facets alternate along each curve, which
     begins with an end. All attributes but ``forces``, ``fluxes``, ``slave`` and ``master`` are
-    local. More than 20 methods: one property for each result.
+    local. Only ``offset`` and ``c_n`` may be set.
+
+    Attributes:
+        pair: The ``ContactPair`` or ``TiedPair``; its ``law`` may be set.
+        state: Multipliers, active set and all other quantities of the interface's state, as a
+            value.
+        nodes: Global numbers of the slave nodes in the displacement's space V, shape (slave
+            nodes,). Values of a function of V at the slave nodes that a rank owns::
+
+                first, end = V.dofmap.index_map.local_range
+                mine = (first <= contact.nodes) & (contact.nodes < end)
+                values = u.x.array.reshape(-1, dim)[contact.nodes[mine] - first]
+
+        positions: Present positions of the slave nodes, shape (slave nodes, dim) [length]; before
+            the first solve those in the mesh.
+        normals: Outward unit normals of the slave nodes, shape (slave nodes, dim) [1].
+        lengths: Tributary length of each node, undeformed, shape (slave nodes,) [length].
+        tractions: Multipliers z, minus the tractions on the slave, shape (slave nodes, dim)
+            [stress].
+        pressure: Contact pressure z_n, positive in compression, shape (slave nodes,) [stress].
+        gap: Mean gap g_j / w_j, nan at nodes without partner, shape (slave nodes,) [length].
+        active: Active set, the nodes whose gap is closed, shape (slave nodes,), bool.
+        sticking: Active nodes that stick or are tied, shape (slave nodes,), bool.
+        total_force: Total contact force on the slave body, shape (dim,) [stress length].
+        friction_work: Work of friction in the last step [stress length^2], by the shear at its end
+            along the slip in it, as the law dissipates it: not negative. Of laws whose slip is
+            elastic in part, as bonds, it includes stored energy. ``PathReport.friction_work`` is
+            its sum over a path.
 
     Example:
         Pressure along the surface after a solve, as columns x, y, pressure::
@@ -108,6 +147,20 @@ class PairView:
 
     # A law set here instead of in the pair is an error, not a new attribute without effect.
     __slots__ = ("_interface", "_space")
+
+    pair: Any = read_only("_interface.pair")
+    state: InterfaceState = read_only("_interface.state")
+    nodes: Indices = copied("slave.nodes")
+    positions: Array = copied("operators.x")
+    normals: Array = copied("operators.n")
+    lengths: Array = copied("slave.nodal_lengths")
+    tractions: Array = copied("z_u")
+    pressure: Array = copied("pressure")
+    gap: Array = copied("gap")
+    active: Flags = copied("active")
+    sticking: Flags = copied("sticking")
+    total_force: Array = copied("total_force")
+    friction_work: float = read_only("_interface.now.friction_work")
 
     def __init__(self, interface: Interface, space: DisplacementSpace) -> None:
         self._interface, self._space = interface, space
@@ -120,11 +173,6 @@ class PairView:
     def __dir__(self) -> list[str]:
         """The public attributes."""
         return [name for name in vars(type(self)) if not name.startswith("_")]
-
-    @property
-    def pair(self) -> Any:
-        """The ``ContactPair`` or ``TiedPair``; its ``law`` may be set."""
-        return self._interface.pair
 
     @property
     def slave(self) -> PairSide:
@@ -140,46 +188,6 @@ class PairView:
         return side_of(self._interface.master, self._space)
 
     @property
-    def nodes(self) -> Indices:
-        """Global numbers of the slave nodes in the displacement's space, shape (slave nodes,).
-
-        Values of a function of this space V at the slave nodes that a rank owns::
-
-            first, end = V.dofmap.index_map.local_range
-            mine = (first <= contact.nodes) & (contact.nodes < end)
-            values = u.x.array.reshape(-1, dim)[contact.nodes[mine] - first]
-        """
-        return self._interface.slave.nodes.copy()
-
-    @property
-    def positions(self) -> Array:
-        """Present positions of the slave nodes, shape (slave nodes, dim) [length].
-
-        Before the first solve these are the positions in the mesh.
-        """
-        return self._interface.operators.x.copy()
-
-    @property
-    def normals(self) -> Array:
-        """Outward unit normals of the slave nodes, shape (slave nodes, dim) [1]."""
-        return self._interface.operators.n.copy()
-
-    @property
-    def lengths(self) -> Array:
-        """Tributary length of each node, undeformed, shape (slave nodes,) [length]."""
-        return self._interface.slave.nodal_lengths.copy()
-
-    @property
-    def tractions(self) -> Array:
-        """Multipliers z, minus the tractions on the slave, shape (slave nodes, dim) [stress]."""
-        return self._interface.z_u.copy()
-
-    @property
-    def pressure(self) -> Array:
-        """Contact pressure z_n, positive in compression, shape (slave nodes,) [stress]."""
-        return self._interface.pressure
-
-    @property
     def shear(self) -> Array:
         """Multiplier z_tau along tau, shape (slave nodes,) [stress]; in space (slave nodes, 3).
 
@@ -190,11 +198,6 @@ class PairView:
         return np.array(now.shear if self._interface.slave.dim == 3 else now.z_tau)
 
     @property
-    def gap(self) -> Array:
-        """Mean gap g_j / w_j, nan at nodes without partner, shape (slave nodes,) [length]."""
-        return self._interface.gap.copy()
-
-    @property
     def slip(self) -> Array:
         """Slip of the last step along tau, (slave nodes,) [length]; in space (slave nodes, 3).
 
@@ -202,16 +205,6 @@ class PairView:
         """
         now = self._interface.now
         return np.array(now.slip_in_space if self._interface.slave.dim == 3 else now.slip)
-
-    @property
-    def active(self) -> Flags:
-        """Active set, the nodes whose gap is closed, shape (slave nodes,), bool."""
-        return self._interface.active.copy()
-
-    @property
-    def sticking(self) -> Flags:
-        """Active nodes that stick or are tied, shape (slave nodes,), bool."""
-        return self._interface.sticking
 
     @property
     def status(self) -> npt.NDArray[np.str_]:
@@ -228,21 +221,6 @@ class PairView:
         Collective.
         """
         return -self._interface.operators.force(self._interface.z_u)[0]
-
-    @property
-    def total_force(self) -> Array:
-        """Total contact force on the slave body, shape (dim,) [stress length]."""
-        return self._interface.total_force
-
-    @property
-    def friction_work(self) -> float:
-        """Work of friction in the last step [stress length^2].
-
-        By the shear at its end along the slip in it, as the law dissipates it: not negative. Of
-        laws whose slip is elastic in part, as bonds, it includes stored energy.
-        ``PathReport.friction_work`` is its sum over a path.
-        """
-        return self._interface.now.friction_work
 
     @property
     def fluxes(self) -> list[NodalFlux]:
@@ -281,11 +259,6 @@ class PairView:
     @c_n.setter
     def c_n(self, weight: float) -> None:
         self._interface.c_n = weight
-
-    @property
-    def state(self) -> InterfaceState:
-        """Multipliers, active set and all other quantities of the interface's state, as a value."""
-        return self._interface.state
 
 
 # Points of each segment at which surfaces may overlap [1].

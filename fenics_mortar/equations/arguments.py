@@ -80,11 +80,12 @@ def check_options(given: dict[str, Any], model_check: Any) -> None:
         )
 
 
-def check_given_in_space(given: dict[str, Any]) -> None:
-    """Reject arguments of ``ContactProblem`` that belong to the plane (local, equal on all ranks).
+def check_in_space(given: dict[str, Any], pairs: Sequence[Any]) -> None:
+    """Reject arguments and pairs that belong to the plane (local, equal on all ranks).
 
     Args:
-        given: Arguments by name.
+        given: Arguments of ``ContactProblem`` by name.
+        pairs: Contact and tied pairs.
 
     Raises:
         NotImplementedError: If the mesh is one of solids, and an argument needs the plane.
@@ -93,20 +94,7 @@ def check_given_in_space(given: dict[str, Any]) -> None:
         return
     refuse_in_space("axisymmetric", needed=given["geometry"] == "axisymmetric")
     refuse_in_space("thickness", needed=given["thickness"] is not None)
-
-
-def check_pairs_in_space(pairs: Sequence[Any]) -> None:
-    """Reject pairs that belong to the plane (local, equal on all ranks).
-
-    Args:
-        pairs: Contact and tied pairs.
-
-    Raises:
-        NotImplementedError: If a pair on a mesh of solids has what is not available there.
-    """
     for pair in pairs:
-        if pair.data.mesh.geometry.dim != 3:
-            continue
         choice, name = pair.discretization, f"{pair!r}"
         refuse_in_space("integration", name, needed=choice.integration != "segments")
         refuse_in_space("vertices", name, needed=choice.basis == "vertices")

@@ -11,7 +11,7 @@ Bodies and driven obstacles that do not come to rest get anchored springs, see `
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -30,6 +30,7 @@ from fenics_mortar.contact.tied_rows import rows_of
 from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.newton.loop import UNSETTLED, decreased
+from fenics_mortar.rigid.body_motions import pairs_joined
 from fenics_mortar.rigid.proximal import RIGID, Remaining
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags, Indices
@@ -39,7 +40,6 @@ from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.equations.residual import Residual
     from fenics_mortar.rigid.driven import DrivenMotions
     from fenics_mortar.rigid.floating import FloatingBodies
     from fenics_mortar.rigid.proximal import Carried
@@ -49,30 +49,33 @@ if TYPE_CHECKING:
 SetsOfPairs = list[tuple[Flags, Branches]]
 
 
-class SetRecord:
-    """Sets of all pairs and residuals since a solve began (local).
+class Remedies:
+    """Sets and residuals of a solve, and remedies if it does not converge; methods are collective.
 
     Args:
-        contacts: The pairs.
+        equations: The ``ContactEquations``.
+        adopt_linearized_sets: Function that adopts the sets of the linearized contact problem, also
+            beyond a turning point of the load path if its argument is true; returns whether they
+            were found.
 
     Attributes:
         residuals: Norm of all residuals for each evaluation [stress length].
         num_changed: Number of nodes that changed in the last evaluation.
-        has_merged: Whether ``merge`` was called.
-        opens_and_closes: Whether nodes opened and closed in the last cycle, and none changed
-            between sticking and sliding.
+        num_linearized: Number of linearized contact problems in the solve.
     """
 
-    def __init__(self, contacts: Sequence[Contact | Tie]) -> None:
-        self._contacts = contacts
+    def __init__(self, equations: Any, adopt_linearized_sets: Callable[[bool], bool]) -> None:
+        self._contacts: Sequence[Contact | Tie] = equations.contacts
+        self._floating, self._residual = equations.floating, equations.residual
+        self._adopt_linearized_sets = adopt_linearized_sets
         self.begin()
 
     def begin(self) -> None:
         """Discard the data of the last solve."""
         self.residuals: list[float] = []
         self._sets: list[SetsOfPairs] = []
-        self.num_changed = self._calls = 0
-        self.has_merged = self.opens_and_closes = False
+        self.num_changed = self.num_linearized = 0
+        self._has_merged = False
 
     def record(self, residual: float, changed: int) -> None:
         """Add the present sets; ``changed``: number of nodes that changed."""
@@ -85,24 +88,42 @@ class SetRecord:
         """Sets of the last ``EQUATIONS.recent_sets`` iterations."""
         return self._sets[-EQUATIONS.recent_sets :]
 
-    @property
-    def is_unsettled(self) -> bool:
-        """Whether sets change although the residual does not decrease, see ``decreased``."""
-        residuals = self.residuals
-        if not self.num_changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
-            return False
-        return not decreased(residuals[-1], residuals[-2])
+    def replace_unsettled_sets(self) -> None:
+        """Adopt the sets of the linearized problem if those of floating bodies cycle.
 
-    def count_call(self) -> None:
-        """Count a linearized contact problem."""
-        self._calls += 1
+        That is if they change although the residual does not decrease, see ``decreased``.
+        """
+        last, exhausted = self.residuals[-2:], self.num_linearized == EQUATIONS.max_calls
+        if self._floating.anchored or not self.num_changed or len(last) < 2 or exhausted:
+            return
+        if not decreased(last[1], last[0]):
+            self._adopt_linearized_sets(False)
 
-    def merge(self, period: int) -> str:
+    def drifts(self) -> str:
+        """Describe bodies that are moved by small residual forces only; "" if there are none.
+
+        Contact forces act along averaged normals of facets. Their error drives smooth bodies
+        without friction, which may have no equilibrium nearby.
+        """
+        slight = self.residuals[-1] <= RIGID.slight * self._residual.force  # not nan
+        if self._floating.anchored or not slight:
+            return ""
+        names = self._floating.names(self._floating.loose() or self._floating.bodies)
+        return f"the remaining force is slight and moves {names}" if names else ""
+
+    def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set or of branches; return a remark.
 
         All nodes that were active in the cycle are set active for one iteration. c_n is at most its
         default in this and later solves: a large c_n opens nodes for small gaps left by a step.
         Nodes that changed branch in the cycle stick for one iteration.
+
+        If sets change without a period, or again in a cycle, the sets of the linearized problem are
+        adopted. An example are thin plates that bend by more than their gap if a node opens. Beyond
+        a turning point of the load path these sets are adopted only if nodes just open and close:
+        the bodies snap through. If nodes change between sticking and sliding, the state after a
+        snap-through is not determined. If bodies float, ``replace_unsettled_sets`` has adopted
+        these sets before.
         """
         wavering, opening, c_n = 0, 0, Discretization.c_n
         for i, contact in enumerate(self._contacts):
@@ -117,65 +138,14 @@ class SetRecord:
             )
             wavering += int(wavers.sum())
             opening += int((active != active[-1]).any(axis=0).sum())
-        self.has_merged, self.opens_and_closes = True, opening > 0 and not wavering
+        again, self._has_merged, taken = self._has_merged, True, False
+        if (again or period == UNSETTLED) and not self._floating.bodies:
+            taken = self._adopt_linearized_sets(opening > 0 and not wavering)
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not converge (last {period} iterations); all nodes active in "
             f"them remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
-        )
-
-
-@dataclass(eq=False)
-class Remedies:
-    """Remedies in a solve that does not converge; all methods are collective.
-
-    Args:
-        floating: The floating bodies.
-        residual: Residual of the last evaluated state.
-        set_record: Sets and residuals of the solve.
-        adopt_linearized_sets: Function that adopts the sets of the linearized contact problem, also
-            beyond a turning point of the load path if its argument is true; returns whether they
-            were found.
-    """
-
-    _floating: FloatingBodies
-    _residual: Residual
-    _set_record: SetRecord
-    _adopt_linearized_sets: Callable[[bool], bool]
-
-    def replace_unsettled_sets(self) -> None:
-        """Adopt the sets of the linearized problem if those of floating bodies cycle."""
-        if not self._floating.anchored and self._set_record.is_unsettled:
-            self._adopt_linearized_sets(False)
-
-    def drifts(self) -> str:
-        """Describe bodies that are moved by small residual forces only; "" if there are none.
-
-        Contact forces act along averaged normals of facets. Their error drives smooth bodies
-        without friction, which may have no equilibrium nearby.
-        """
-        slight = self._set_record.residuals[-1] <= RIGID.slight * self._residual.force  # not nan
-        if self._floating.anchored or not slight:
-            return ""
-        names = self._floating.names(self._floating.loose() or self._floating.bodies)
-        return f"the remaining force is slight and moves {names}" if names else ""
-
-    def merge_sets(self, period: int) -> str:
-        """Leave a cycle of sets by merging them; see ``SetRecord.merge``.
-
-        If sets change without a period, or again in a cycle, the sets of the linearized problem are
-        adopted. An example are thin plates that bend by more than their gap if a node opens. Beyond
-        a turning point of the load path these sets are adopted only if nodes just open and close:
-        the bodies snap through. If nodes change between sticking and sliding, the state after a
-        snap-through is not determined. If bodies float, ``replace_unsettled_sets`` has adopted
-        these sets before.
-        """
-        set_record = self._set_record
-        again, message = set_record.has_merged, set_record.merge(period)
-        if (again or period == UNSETTLED) and not self._floating.bodies:
-            taken = self._adopt_linearized_sets(set_record.opens_and_closes)
-            message += "; that of the linearized problem is used" * taken
-        return message
+        ) + "; that of the linearized problem is used" * taken
 
 
 def _reason(carried: Iterable[Carried]) -> str:
@@ -193,22 +163,17 @@ def _reason(carried: Iterable[Carried]) -> str:
     )
 
 
-@dataclass(eq=False)
 class CombinedSprings:
     """Anchored springs of a problem; all methods are collective.
 
     Args:
-        floating: The floating bodies.
-        obstacles: The obstacles.
-        stiffness: Stiffness of the bulk [stress].
-        forces: Function that returns forces of the bulk, of contact and on obstacles at the present
-            state, see ``Residual.forces``.
+        equations: The ``ContactEquations``.
     """
 
-    _floating: FloatingBodies
-    _obstacles: DrivenMotions
-    _stiffness: float
-    _forces: Callable[[], tuple[Array, Array, Array]]
+    def __init__(self, equations: Any) -> None:
+        self._floating: FloatingBodies = equations.floating
+        self._obstacles: DrivenMotions = equations.motions
+        self._residual, self._stiffness = equations.residual, equations.stiffest
 
     def anchor(self, elongation: float, share: float = 1.0) -> None:
         """Anchor floating bodies and driven obstacles at their present positions.
@@ -216,7 +181,7 @@ class CombinedSprings:
         The forces that drive a body now, or a ``share`` of the error of its contact forces, would
         elongate its springs by ``elongation`` shortest facets.
         """
-        bulk, contact, _ = self._forces()
+        bulk, contact, _ = self._residual.forces()
         self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation, share)
         self._obstacles.anchor(elongation, self._stiffness, share)
 
@@ -265,7 +230,7 @@ def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: Float
             continue
         count = floating.num_parts
         links = list(_conducting(contacts, floating, field))
-        group, _ = join_bodies(np.arange(count + 1), count + 1, links)
+        group, _ = join_bodies(count + 1, links)
         resistance = np.bincount(group, _resistance(bulk, *dofs, count), count + 1)
         for label in np.unique(group[:count]):
             if label != group[count] and resistance[label] == 0.0:
@@ -333,18 +298,12 @@ def _conducting(
             slave, *master = (floating.parts_of(trace.surface) for trace in flux.traces)
             if isinstance(contact, Tie):
                 if flux.field == field:
-                    yield _partners(flux.M, slave, master[0])
+                    yield pairs_joined(flux.M, slave, master[0])
             elif flux.law.field == field:
                 on = flux.nodal().conductance > 0.0
                 none = np.full(slave[on].size, floating.num_parts)
                 M = rows_of(on, contact.operators.matrices[1])
-                yield _partners(M, slave, *master) if master else np.stack([slave[on], none], 1)
-
-
-def _partners(M: Any, slave: Indices, master: Indices) -> Indices:
-    """Parts of slave nodes and of their masters, (k, 2)."""
-    nodes = M.tocoo()
-    return np.stack([slave[nodes.row], master[nodes.col]], axis=1)
+                yield pairs_joined(M, slave, *master) if master else np.stack([slave[on], none], 1)
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -363,15 +322,12 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         raise MortarError(f"the bulk tangent is not finite at the initial displacement: {reason}")
     dofs = bulk.space.owned_dofs
     labels = floating.labels[: len(dofs)]
-    of_body = dict[int, float]()
-    for some in bulk.comm.allgather(
-        {int(k): float(diagonal[dofs[labels == k]].max()) for k in np.unique(labels)}
-    ):
-        of_body |= {k: max(value, of_body.get(k, value)) for k, value in some.items()}
-    negative = sorted(label for label, largest in of_body.items() if largest < 0.0)
+    largest = np.full(floating.num_bodies, -np.inf)
+    np.maximum.at(largest, labels, diagonal[dofs].max(axis=1))
+    negative = np.flatnonzero(largest_over_ranks(bulk.comm, largest) < 0.0).tolist()
     if negative:
         names = ", ".join(map(floating.name_of, negative))
-        which = f" of {names}" if len(negative) < len(of_body) else ""
+        which = f" of {names}" if len(negative) < floating.num_bodies else ""
         raise MortarError(
             f"all stiffnesses{which} are negative: check the signs of the residual, which is "
             "internal minus applied forces, of the jacobian, and of Young's modulus"
@@ -380,9 +336,9 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
     loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
     count, where = bulk.input_data.count_nodes(loose)
     if count:
-        mine = set(floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
-        bodies = sorted(set().union(*bulk.comm.allgather(mine)))
-        names = ", ".join(floating.name_of(label) for label in bodies)
+        mine = np.bincount(labels[loose[dofs].any(axis=1)], minlength=floating.num_bodies)
+        bodies = np.flatnonzero(sum_over_ranks(bulk.comm, mine)).tolist()
+        names = ", ".join(map(floating.name_of, bodies))
         raise MortarError(
             f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
             "the residual form has to contain the stress of every body"
@@ -403,8 +359,7 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
         driven = equations.motions.describe(equations.residual.force)
         first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
         first = first or _describe_limits(contacts) or _describe_twice(contacts)
-        first = first or _describe_peeling(contacts, recent)
-        first = first or _describe_alternating(contacts, recent)
+        first = first or _describe_wavering(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
     few = bulk.describe_few_points()
     return "; ".join(filter(None, (first, at_nodes, few, *map(describe_overlap, contacts))))
@@ -433,68 +388,52 @@ def _describe_limits(contacts: Sequence[Interface]) -> str:
 def _describe_twice(contacts: Sequence[Interface]) -> str:
     """Describe nodes whose gap two pairs close along the same normal; "" if none (local)."""
     pairs = [contact for contact in contacts if isinstance(contact, Contact)]
-    for k, one in enumerate(pairs):
-        for other in pairs[k + 1 :]:
-            _, i, j = np.intersect1d(one.slave.nodes, other.slave.nodes, return_indices=True)
-            cosine = (one.operators.n[i] * other.operators.n[j]).sum(axis=1)
-            parallel = one.active[i] & other.active[j] & (cosine > np.cos(SMALL_ANGLE))
-            if parallel.any():
-                where = one.operators.x[i[np.argmax(parallel)]]
-                return (
-                    f"{parallel.sum()} nodes of '{one.slave.name}' are pressed along the same "
-                    f"normal by '{one.master.name}' and '{other.master.name}', one at "
-                    f"{format_point(where)}, so that their pressures are not unique; leave out one "
-                    "of these pairs there"
-                )
-    return ""
-
-
-def _wavering(
-    contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]
-) -> Iterator[tuple[Contact, Flags, Indices]]:
-    """Contacts with nodes that open and close, their active sets, (sets, n), and these nodes."""
-    for i, contact in enumerate(contacts):
-        active = np.array([sets[i][0] for sets in recent])
-        wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        if isinstance(contact, Contact) and wavers.size:
-            yield contact, active, wavers
-
-
-def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
-    """Describe nodes with shear without pressure that open and close; "" if none (local)."""
-    for contact, _, wavers in _wavering(contacts, recent):
-        bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))
-        if 0.0 < bound[wavers[0]] < np.inf:
+    for one, other in combinations(pairs, 2):
+        _, i, j = np.intersect1d(one.slave.nodes, other.slave.nodes, return_indices=True)
+        cosine = (one.operators.n[i] * other.operators.n[j]).sum(axis=1)
+        parallel = one.active[i] & other.active[j] & (cosine > np.cos(SMALL_ANGLE))
+        if parallel.any():
+            where = one.operators.x[i[np.argmax(parallel)]]
             return (
-                f"{wavers.size} nodes of '{contact.slave.name}' close and open repeatedly, one at "
-                f"{format_point(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits "
-                "shear without pressure, which may peel them off each time they close; take "
-                "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
-                "pressure"
+                f"{parallel.sum()} nodes of '{one.slave.name}' are pressed along the same normal "
+                f"by '{one.master.name}' and '{other.master.name}', one at {format_point(where)}, "
+                "so that their pressures are not unique; leave out one of these pairs there"
             )
     return ""
 
 
-def _describe_alternating(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
-    """Describe nodes that open and close in turn, and why; "" if none (local)."""
-    for contact, active, wavers in _wavering(contacts, recent):
-        count = len(active)
-        if any((active[: count - k] == active[k:]).all() for k in range(2, count)):
+def _describe_wavering(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
+    """Describe nodes that open and close, and why; "" if none (local)."""
+    for i, contact in enumerate(contacts):
+        active = np.array([sets[i][0] for sets in recent])
+        wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+        if not isinstance(contact, Contact) or not wavers.size:
+            continue
+        nodes, count = f"{wavers.size} nodes of '{contact.slave.name}'", len(active)
+        where = format_point(contact.operators.x[wavers[0]])
+        bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))[wavers[0]]
+        if 0.0 < bound < np.inf:
+            return (
+                f"{nodes} close and open repeatedly, one at {where}: {contact.pair.law!r} admits "
+                "shear without pressure, which may peel them off each time they close; take "
+                "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
+                "pressure"
+            )
+        if not any((active[: count - k] == active[k:]).all() for k in range(2, count)):
+            continue
+        jumping = [flux.law for flux in contact.conductances if flux.jumps]
+        if jumping:
+            why = (
+                f"where {jumping[-1]!r} jumps at closing, bodies that shrink by what flows open "
+                "again: there may be no such state; take a conductance that begins with the "
+                "pressure, as PressureConductance"
+            )
+        else:
             exchange = ", exchange slave and master" * (contact.obstacle is None)
             why = (
                 "neither set may be a solution on facets within which the sides bend apart, as at "
                 f"a tip or an edge; refine '{contact.slave.name}' there{exchange}"
                 f"{or_other_weights(contact)}"
             )
-            for flux in contact.fluxes:
-                if flux.jumps:
-                    why = (
-                        f"where {flux.law!r} jumps at closing, bodies that shrink by what flows "
-                        "open again: there may be no such state; take a conductance that "
-                        "begins with the pressure, as PressureConductance"
-                    )
-            return (
-                f"{wavers.size} nodes of '{contact.slave.name}' open and close in turn, one at "
-                f"{format_point(contact.operators.x[wavers[0]])}: {why}"
-            )
+        return f"{nodes} open and close in turn, one at {where}: {why}"
     return ""

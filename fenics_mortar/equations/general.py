@@ -27,22 +27,14 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.diagnosis import (
-    CombinedSprings,
-    Remedies,
-    SetRecord,
-    check_diagonal,
-    diagnose,
-)
+from fenics_mortar.equations.diagnosis import CombinedSprings, Remedies, check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact, Redundancy
 from fenics_mortar.equations.residual import NO_MOTION, Increment, Residual
 from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.obstacles.rigid_motion import places_towards
-from fenics_mortar.rigid.body_motions import HeldBodies
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.idle import IdleBodies
@@ -63,10 +55,10 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.history import HistoryValues
     from fenics_mortar.bulk.inertia import Inertia, Rates
     from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.interface_fields import InterfaceState
     from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.equations.linearized import ReducedTangent
     from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.la.system import LinearSystem
     from fenics_mortar.verify.node_paths import AcceptedPositions
@@ -176,7 +168,7 @@ class ContactEquations:
         self.motions = DrivenMotions(bulk, contacts, remote)
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
-        self.floating = FloatingBodies(bulk, contacts, HeldBodies(bulk, self.motions.remote))
+        self.floating = FloatingBodies(bulk, contacts, self.motions.remote)
         self.idle = IdleBodies(self.floating)
         self._set_stiffness()
         self.floating.find()
@@ -184,20 +176,15 @@ class ContactEquations:
         self.crossings = find_crossed(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
         self.evaluated: tuple[State, Status] | None = None
-        self.residual = Residual(bulk, contacts, self.floating, self.motions, self.stiffest)
-        self.springs = CombinedSprings(
-            self.floating, self.motions, self.stiffest, self.residual.forces
-        )
-        self._set_record = SetRecord(contacts)
-        self.remedies = Remedies(
-            self.floating, self.residual, self._set_record, self._adopt_linearized_sets
-        )
+        self.residual = Residual(self)
+        self.springs = CombinedSprings(self)
+        self.remedies = Remedies(self, self._adopt_linearized_sets)
         self._shortest_facet = min(
             (float(c.slave.facet_sizes.min()) for c in contacts), default=0.0
         )
         self._loose: list[FloatingBody] = []
         self.model_check: Any = None
-        self.reduced_tangent: Callable[[], ReducedTangent | None] = lambda: None
+        self.reduced_tangent: Callable[[], Any] = lambda: None
 
     def add_inertia(self, inertia: Inertia) -> None:
         """Add mass; bodies with mass are not floating."""
@@ -240,7 +227,7 @@ class ContactEquations:
         if start:
             if self.bulk.is_mixed:
                 self.bulk.fields.begin()
-            self._set_record.begin()
+            self.remedies.begin()
             self._redundancy.begin()
             self.residual.begin()
             for contact in self.contacts:
@@ -255,7 +242,7 @@ class ContactEquations:
         if self.floating.bodies and not start and self.idle.review():
             changed += 1 + self.evaluate_contacts(start=False)
         residual = self.residual.measure()
-        self._set_record.record(residual, changed)
+        self.remedies.record(residual, changed)
         num_active, sets = 0, b""
         for c in self.contacts:
             num_active += int(np.count_nonzero(c.active))
@@ -275,9 +262,7 @@ class ContactEquations:
         Raises:
             NotFiniteError: On all ranks: open nodes with such a gap are not in the residual.
         """
-        for contact in self.contacts:
-            if not isinstance(contact, Contact) or contact.slave.dim == 2:
-                continue
+        for contact in self.floating.contacts if self.bulk.space.dim == 3 else ():
             o = contact.operators
             if np.isnan(o.gap).any():
                 where = format_point(o.x[int(np.isnan(o.gap).argmax())])
@@ -316,7 +301,7 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
-        return diagnose(self, self._set_record.recent)
+        return diagnose(self, self.remedies.recent)
 
     # Newton iteration
 
@@ -341,13 +326,13 @@ class ContactEquations:
     @clock("solve")
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; the state is not changed."""
-        residual, residuals = self.residual, self._set_record.residuals
+        residual, residuals = self.residual, self.remedies.residuals
         goal = self.newton.residual_tolerance * residual.force
-        solver, changes = self.system.solver, self._set_record.num_changed > 0
+        solver, changes = self.system.solver, self.remedies.num_changed > 0
         force = residual.force if solver.multigrid is not None else 0.0
         solver.forcing = forcing(residuals, goal, force, sets_change=changes)
         for contact in self.contacts:
-            for flux in contact.fluxes:
+            for flux in contact.conductances:
                 # Loads of its rows exceed the residual by many orders; or flows that exceed forces
                 # by many change with the active set, which follows from displacements.
                 if flux.exceeds or flux.jumps:
@@ -370,7 +355,7 @@ class ContactEquations:
         step = increment.u
         fraction = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
-            for flux in contact.fluxes:
+            for flux in contact.conductances:
                 flux.move(z, fraction, step, self.motions.of_obstacle(contact, increment.motion))
             contact.move(z, fraction, step)
         size = 0.0
@@ -381,10 +366,10 @@ class ContactEquations:
 
     def _adopt_linearized_sets(self, snap: bool) -> bool:
         """Adopt the sets of the linearized problem; return whether they were found."""
-        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
+        linearized = LinearizedContact(self)
         if not linearized.applies:
             return False
-        self._set_record.count_call()
+        self.remedies.num_linearized += 1
         self.bulk.assemble_tangent()
         return linearized.choose_sets(self._redundancy.mark, snap=snap)
 
@@ -404,11 +389,9 @@ class ContactEquations:
         size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         relative = max(self.bulk.largest(change), motion) / size
         if self.bulk.is_mixed:
-            contacts = [contact for contact in self.contacts if isinstance(contact, Contact)]
-            fluxes = [flux for contact in contacts for flux in contact.fluxes if flux.rubs]
-            sources = dict.fromkeys((flux.law.field for flux in fluxes), 0.0)
-            for flux in fluxes:
-                sources[flux.law.field] = max(sources[flux.law.field], flux.rounding)
+            sources = dict[int, float]()
+            for flux in (flux for c in self.floating.contacts for flux in c.fluxes):
+                sources[flux.law.field] = max(sources.get(flux.law.field, 0.0), flux.rounding)
             relative = max(relative, self.bulk.fields.change(change, sources))
         return Step(relative, fraction, note)
 
@@ -531,7 +514,7 @@ class Snapshot:
     """
 
     def __init__(self, equations: ContactEquations) -> None:
-        self._equations, self._state, self._depth = equations, equations.state(), clock.depth
+        self._equations, self.state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
         self._springs = equations.floating.springs, equations.motions.springs
         model_check = equations.model_check
@@ -542,7 +525,7 @@ class Snapshot:
         equations = self._equations
         clock.leave(self._depth)
         drop_added_options()
-        equations.put(self._state)
+        equations.put(self.state)
         for contact, operators in zip(equations.contacts, self._operators, strict=True):
             contact.set_operators(operators)
         equations.floating.springs, equations.motions.springs = self._springs
@@ -551,25 +534,33 @@ class Snapshot:
         equations.interrupted |= renew
 
 
+# A snapshot, and notes for an error after which it is restored.
+Kept = tuple[Snapshot, *tuple[str, ...]]
+
+
 @contextmanager
-def restored_if_interrupted(equations: ContactEquations) -> Iterator[None]:
-    """Context that restores a problem if any exception but ``NotConvergedError`` is raised."""
-    before = Snapshot(equations)
+def restored_if_interrupted(equations: ContactEquations) -> Iterator[list[Kept]]:
+    """Context that restores a problem if any exception but ``NotConvergedError`` is raised.
+
+    Yields:
+        One snapshot, that of the start; another one may take its place in the list.
+    """
+    kept: list[Kept] = [(Snapshot(equations),)]
     try:
-        yield
+        yield kept
     except NotConvergedError:
         raise
-    except MortarError:
-        before.revert(renew=True)
-        raise
     except BaseException as error:
+        before, *notes = kept[0]
         before.revert(renew=True)
-        raise_cause(error)
+        raise_cause(error, *notes)
 
 
-def raise_cause(error: BaseException) -> NoReturn:
-    """Raise an error, or the interruption that caused it; see ``as_interruption``."""
+def raise_cause(error: BaseException, *notes: str) -> NoReturn:
+    """Raise an error with notes, or the interruption that caused it; see ``as_interruption``."""
     interruption = as_interruption(error)
+    for note in notes:
+        interruption.add_note(note)
     if interruption is error:
         raise error
     raise interruption from error

@@ -11,6 +11,7 @@ The same for places, loads and pivots of obstacles and remote loads.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -55,69 +56,6 @@ from fenics_mortar.verify.checks.obstacles import check_user_gradient
 
 if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
-    from fenics_mortar.rigid.driven import RigidMotions
-
-
-class MotionInputs:
-    """Checks of the places and loads of a problem that users may set.
-
-    The constructor is collective.
-
-    Args:
-        bulk: The bodies.
-        motions: Rigid motions of obstacles and remote loads.
-    """
-
-    def __init__(self, bulk: Bulk, motions: RigidMotions) -> None:
-        self._bulk = bulk
-        self._given = [*motions.movers, *(load.motion for load in motions.spread)]
-        of_boundaries = [load for load in motions.remote if load in bulk.bcs]
-        self._boundaries: list[tuple[Any, Any]] = [
-            (load, mark_prescribed(bulk.space, bulk.u, [bc for bc in bulk.bcs if bc is not load]))
-            for load in of_boundaries
-        ]
-        self.remember()
-
-    def remember(self) -> None:
-        """Remember the pivots, and by how much the movers have turned (local)."""
-        self._turned = [(m.pivot.copy(), _angle_of(m)) for m in self._given]
-
-    def check(self) -> None:
-        """Reject invalid values (local).
-
-        Raises:
-            MortarError: If a value has another shape or type, is not finite, or not admissible.
-            ValueError: If a dimension of a shape of the package was set as an attribute.
-        """
-        for mover, before in zip(self._given, self._turned, strict=True):
-            check_numbers(mover)
-            _check_pivot(mover, *before)
-            if self._bulk.space.is_axisymmetric and isinstance(mover, RigidMotion):
-                check_axial(mover)
-            if isinstance(mover, SpreadLoad) and np.isnan(mover.load).any():
-                raise MortarError(f"load of {mover.kind} '{mover.name}' is nan: expected numbers")
-
-    def numbers(self) -> Iterator[tuple[str, Any]]:
-        """Arrays that have to be equal on all ranks, by name (local)."""
-        for mover in self._given:
-            for what, value in (("place", mover.place), ("push", mover.load)):
-                yield f"the {what} of {mover.kind} '{mover.name}'", value
-            yield f"the pivot of {mover.kind} '{mover.name}'", mover.pivot
-
-    def check_conditions(self) -> None:
-        """Reject driven motions of nodes that other conditions prescribe (collective).
-
-        Raises:
-            MortarError: On all ranks.
-        """
-        for load, prescribed in self._boundaries:
-            count, where = self._bulk.input_data.count_nodes(load.driven_dofs() & prescribed)
-            if count:
-                raise MortarError(
-                    f"{count} nodes of rigid boundary '{load.motion.name}', one at {where}, are "
-                    "prescribed by another condition in a direction in which a push drives them: "
-                    "leave them out of one of both, or prescribe that motion by move()"
-                )
 
 
 def check_numbers(mover: RigidMotion) -> None:
@@ -197,7 +135,13 @@ class Inputs:
         bulk, contacts, motions = equations.bulk, equations.contacts, equations.motions
         self._bulk, self._contacts, self._outline = bulk, contacts, equations.crossings.outline
         self._as_bound = [_options(contact.pair) for contact in contacts]
-        self._motions = MotionInputs(bulk, motions)
+        self._movers = [*motions.movers, *(load.motion for load in motions.spread)]
+        of_boundaries = [load for load in motions.remote if load in bulk.bcs]
+        self._boundaries: list[tuple[Any, Any]] = [
+            (load, mark_prescribed(bulk.space, bulk.u, [bc for bc in bulk.bcs if bc is not load]))
+            for load in of_boundaries
+        ]
+        self._remember()
         self._conflicts = Conflicts(bulk)
         self._begins, self._on_axis = True, radial_dofs_on_axis(bulk.space)
         self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
@@ -215,29 +159,37 @@ class Inputs:
         """
         comm = self._bulk.comm
         with together(comm, "the values set for the problem"):
-            _check_motion(self._bulk)
+            if self._bulk.inertia is not None and not self._bulk.inertia.moving:
+                raise MortarError(
+                    "bodies have inertia: expected Dynamics.step or Dynamics.run, since solve() "
+                    "and follow_path find states at rest"
+                )
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
             for name, flag in flags.items():
                 check_flag(name, flag)
-            self._motions.check()
+            for mover, before in zip(self._movers, self._turned, strict=True):
+                self._check_mover(mover, *before)
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
         check_same(comm, list(self._numbers()))
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)
-        texts = {**dict(self._texts(newton)), **flags}
-        check_same_texts(comm, "what was set of the problem", texts)
-        self._motions.check_conditions()
+        numbered = list(enumerate(self._contacts))
+        texts: dict[str, Any] = {f"c_n of pair {number}": c.c_n for number, c in numbered}
+        laws = [(number, c.pair.law) for number, c in numbered if isinstance(c, Contact)]
+        texts |= {f"the law of pair {number}": law for number, law in laws}
+        check_same_texts(comm, "what was set of the problem", {"newton": newton, **texts, **flags})
+        self._check_conditions()
         self._check_distances()
-        for contact in self._contacts if self._begins else ():
-            check_user_gradient(contact)
         if self._begins:
+            for contact in self._contacts:
+                check_user_gradient(contact)
             bulk, self._begins = self._bulk, False
             slaves = [contact.slave for contact in self._contacts]
             self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space, slaves))
         check_axis_values(self._bulk.space, self._bulk.u, self._bulk.bcs, self._on_axis)
-        self._motions.remember()
+        self._remember()
         remarks, self._first = self._first, []
         return [*filter(None, remarks), *self._conflicts.describe()]
 
@@ -248,15 +200,40 @@ class Inputs:
             if isinstance(contact, Tie):
                 yield f"jump of {contact.pair!r}", contact.pair.present_jump()
             yield "the time", contact.state.load_time
-        yield from self._motions.numbers()
+        for mover in self._movers:
+            for what, value in (("place", mover.place), ("push", mover.load)):
+                yield f"the {what} of {mover.kind} '{mover.name}'", value
+            yield f"the pivot of {mover.kind} '{mover.name}'", mover.pivot
 
-    def _texts(self, newton: NewtonOptions) -> Iterator[tuple[str, Any]]:
-        """Options and laws that have to be equal on all ranks, by name."""
-        yield "newton", newton
-        for number, contact in enumerate(self._contacts):
-            yield f"c_n of pair {number}", contact.c_n
-            if isinstance(contact, Contact):
-                yield f"the law of pair {number}", contact.pair.law
+    def _remember(self) -> None:
+        """Remember the pivots, and by how much the movers have turned (local)."""
+        self._turned = [(mover.pivot.copy(), _angle_of(mover)) for mover in self._movers]
+
+    def _check_mover(self, mover: Any, pivot: Array, angle: float) -> None:
+        """Reject invalid values of an obstacle or remote load (local).
+
+        Args:
+            mover: The obstacle or load.
+            pivot: Its pivot at the last solve, shape (dim,) [length].
+            angle: The angle by which it had turned then [radian].
+        """
+        check_numbers(mover)
+        _check_pivot(mover, pivot, angle)
+        if self._bulk.space.is_axisymmetric and isinstance(mover, RigidMotion):
+            check_axial(mover)
+        if isinstance(mover, SpreadLoad) and np.isnan(mover.load).any():
+            raise MortarError(f"load of {mover.kind} '{mover.name}' is nan: expected numbers")
+
+    def _check_conditions(self) -> None:
+        """Reject driven motions of nodes that other conditions prescribe (collective)."""
+        for load, prescribed in self._boundaries:
+            count, where = self._bulk.input_data.count_nodes(load.driven_dofs() & prescribed)
+            if count:
+                raise MortarError(
+                    f"{count} nodes of rigid boundary '{load.motion.name}', one at {where}, are "
+                    "prescribed by another condition in a direction in which a push drives them: "
+                    "leave them out of one of both, or prescribe that motion by move()"
+                )
 
     def _check_distances(self) -> None:
         """Reject slaves inside an obstacle, and distances that differ on ranks (collective)."""
@@ -279,15 +256,6 @@ class Inputs:
                 raise MortarError(f"the distance of '{obstacle.name}' differs between ranks")
 
 
-def _check_motion(bulk: Bulk) -> None:
-    """Reject solves of bodies in motion that are not time steps (local)."""
-    if bulk.inertia is not None and not bulk.inertia.moving:
-        raise MortarError(
-            "bodies have inertia: expected Dynamics.step or Dynamics.run, since solve() and "
-            "follow_path find states at rest"
-        )
-
-
 class Conflicts:
     """Components for which several Dirichlet conditions prescribe different values.
 
@@ -299,9 +267,9 @@ class Conflicts:
 
     def __init__(self, bulk: Bulk) -> None:
         self._bulk = bulk
-        dofs = [bc.dof_indices()[0] for bc in bulk.bcs]
-        here = sum(map(len, dofs)) > len(np.unique(np.concatenate([*dofs, np.empty(0, np.int32)])))
-        self._any_twice = bulk.comm.allreduce(here, MPI.LOR)
+        dofs = np.concatenate([np.empty(0, np.int32), *(bc.dof_indices()[0] for bc in bulk.bcs)])
+        self._twice = np.flatnonzero(np.bincount(dofs) > 1)
+        self._any_twice = bulk.comm.allreduce(self._twice.size > 0, MPI.LOR)
         self._described: set[str] = set()
 
     def describe(self) -> list[str]:
@@ -317,26 +285,24 @@ class Conflicts:
         return f"rigid boundary '{motion.name}'" if motion else str(number)
 
     def _find(self) -> list[str]:
-        bulk, found = self._bulk, list[str]()
-        first = np.full(bulk.u.x.array.size, -1)
-        values = np.zeros(first.size)
-        for number, bc in enumerate(bulk.bcs):
-            mine, dofs = np.zeros(first.size), bc.dof_indices()[0]
-            compat.set_prescribed(mine, [bc])
-            largest = bulk.comm.allreduce(np.abs([*values, *mine[dofs]]).max(initial=0.0), MPI.MAX)
-            differ = (first[dofs] >= 0) & (np.abs(mine[dofs] - values[dofs]) > ROUNDING * largest)
-            for other in range(number):
-                marked = np.zeros(first.size, bool)
-                marked[dofs[differ & (first[dofs] == other)]] = True
-                count, where = bulk.input_data.count_nodes(marked)
-                if count:
-                    one, later = self._name(other), self._name(number)
-                    found.append(
-                        f"Dirichlet conditions {one} and {later} prescribe different values of "
-                        f"the same component at {count} nodes, one at {where}: the value of "
-                        f"{later}, the later one, is used"
-                    )
-            first[dofs], values[dofs] = number, mine[dofs]
+        bulk, found, size = self._bulk, list[str](), self._bulk.u.x.array.size
+        given, here = np.full((len(bulk.bcs), self._twice.size), np.nan), 0.0
+        for mine, bc in zip(given, bulk.bcs, strict=True):
+            values = np.full(size, np.nan)
+            compat.set_prescribed(values, [bc])
+            mine[:] = values[self._twice]
+            here = np.abs(np.nan_to_num(values)).max(initial=here)
+        largest = bulk.comm.allreduce(here, MPI.MAX)
+        for (i, one), (j, other) in combinations(enumerate(given), 2):
+            marked = np.zeros(size, bool)
+            marked[self._twice[np.abs(other - one) > ROUNDING * largest]] = True
+            count, where = bulk.input_data.count_nodes(marked)
+            if count:
+                found.append(
+                    f"Dirichlet conditions {self._name(i)} and {self._name(j)} prescribe "
+                    f"different values of the same component at {count} nodes, one at {where}: "
+                    f"the value of {self._name(j)}, the later one, is used"
+                )
         return found
 
 
@@ -414,13 +380,11 @@ def check_roles(contacts: Sequence[Contact | Tie]) -> None:
     Raises:
         MortarError: On all ranks.
     """
-    for i, one in enumerate(contacts):
-        for other in contacts[i + 1 :]:
-            if have_common_facet(one.slave, other.master) and have_common_facet(
-                other.slave, one.master
-            ):
-                raise MortarError(
-                    f"{one.pair!r} and {other.pair!r} have the same two surfaces with exchanged "
-                    f"roles: "
-                    "their gaps would be constrained twice; omit one of them"
-                )
+    for one, other in combinations(contacts, 2):
+        if have_common_facet(one.slave, other.master) and have_common_facet(
+            other.slave, one.master
+        ):
+            raise MortarError(
+                f"{one.pair!r} and {other.pair!r} have the same two surfaces with exchanged "
+                "roles: their gaps would be constrained twice; omit one of them"
+            )

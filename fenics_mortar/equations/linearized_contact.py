@@ -45,8 +45,8 @@ touch itself count as pairs: at a junction of cracks, nodes belong to two of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -74,74 +74,60 @@ from fenics_mortar.utils.arrays import SAME_PLACE, SOLVED, Array, Flags, Indices
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.la.system import LinearSystem
-    from fenics_mortar.rigid.driven import DrivenMotions
     from fenics_mortar.rigid.floating import FloatingBodies
 
 PREFIX = "fenics_mortar_settling_"
 
 
-class BodyCompliance:
-    """Compliance of all bodies, with weak springs on floating bodies (collective).
+def displacements(bulk: Bulk, floating: FloatingBodies, forces: Array) -> Array:
+    """Displacements [length] of all bodies due to forces [stress length], both (owned dofs, k).
 
-    Args:
-        bulk: The bodies; springs are added to their tangent, which has to be assembled.
-        floating: The floating bodies.
+    With weak springs on floating bodies, which are added to the assembled tangent (collective).
     """
-
-    def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
-        self._bulk = bulk
-        springs = np.zeros(bulk.num_owned)
-        motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
-        for body in floating.bodies:
-            mine = floating.labels[: bulk.space.num_nodes] == body.label
-            dofs = bulk.space.owned_dofs[mine]
-            each = EQUATIONS.spring * body.stiffest / body.num_nodes
-            weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
-            springs[dofs] = each
-            rigid = np.zeros((len(body.motions), bulk.num_owned))
-            rigid[:, dofs.ravel()] = floating.motions(body)[1]
-            products = bulk.comm.allreduce(rigid @ rigid.T)
-            motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
-            added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
-        self._motions, self._added = np.concatenate(motions), np.concatenate(added)
-        bulk.add_to_diagonal(springs)
-        self._factors = factored_bulk(bulk, PREFIX)
-
-    def displacements(self, forces: Array) -> Array:
-        """Displacements [length] due to forces [stress length], both (owned dofs, k)."""
-        bulk, found = self._bulk, []
-        forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
-        for group in column_groups(forces.shape[1]):
-            sizes = (bulk.num_owned, None), (None, group.size)
-            load = np.asfortranarray(forces[:, group]).ravel(order="F")
-            loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
-            loads.assemble()
-            responses = loads.duplicate()
-            self._factors.getFactorMatrix().matSolve(loads, responses)
-            found.append(responses.getDenseArray().copy())
-            loads.destroy()
-            responses.destroy()
-        along = bulk.comm.allreduce(self._motions @ forces)
-        return np.concatenate(found, axis=1) + self._motions.T @ (self._added[:, None] * along)
+    springs = np.zeros(bulk.num_owned)
+    motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
+    for body in floating.bodies:
+        mine = floating.labels[: bulk.space.num_nodes] == body.label
+        dofs = bulk.space.owned_dofs[mine]
+        each = EQUATIONS.spring * body.stiffest / body.num_nodes
+        weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
+        springs[dofs] = each
+        rigid = np.zeros((len(body.motions), bulk.num_owned))
+        rigid[:, dofs.ravel()] = floating.motions(body)[1]
+        lower = np.linalg.cholesky(bulk.comm.allreduce(rigid @ rigid.T))
+        motions.append(np.linalg.solve(lower, rigid))
+        added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
+    bulk.add_to_diagonal(springs)
+    factors = factored_bulk(bulk, PREFIX).getFactorMatrix()
+    forces, found = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces), []
+    for group in column_groups(forces.shape[1]):
+        sizes = (bulk.num_owned, None), (None, group.size)
+        load = np.asfortranarray(forces[:, group]).ravel(order="F")
+        loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
+        loads.assemble()
+        responses = loads.duplicate()
+        factors.matSolve(loads, responses)
+        found.append(responses.getDenseArray().copy())
+        loads.destroy()
+        responses.destroy()
+    V = np.concatenate(motions)
+    along = np.concatenate(added)[:, None] * bulk.comm.allreduce(V @ forces)
+    return np.concatenate(found, axis=1) + V.T @ along
 
 
 class LinearizedContact:
     """The linearized contact problem at the present state; all methods are collective.
 
     Args:
-        bulk: The bodies; tangent and residual are assembled.
-        floating: The floating bodies.
-        system: The linear system, which numbers the multipliers.
-        motions: The rigid motions.
+        equations: The ``ContactEquations``; tangent and residual of the bodies are assembled.
     """
 
-    def __init__(
-        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, motions: DrivenMotions
-    ) -> None:
-        self._bulk, self._system, self._obstacles = bulk, system, motions
-        self._floating = floating
-        self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
+    def __init__(self, equations: Any) -> None:
+        self._bulk, self._system = equations.bulk, equations.system
+        self._obstacles, self._floating = equations.motions, equations.floating
+        self._numbered = [(c, z) for c, z in self._system.numbered() if isinstance(c, Contact)]
+        self._contacts = self._floating.contacts
+        self._stiffest = max((float(c.stiffness.max()) for c in self._contacts), default=0.0)
 
     @property
     def applies(self) -> bool:
@@ -152,15 +138,14 @@ class LinearizedContact:
         The compliance of the bodies does not include driven motions of remote loads. In space the
         friction cone is no polyhedron.
         """
-        if any(contact.slave.dim == 3 for contact in self._contacts):
-            return False
-        if self._obstacles.driven[len(self._obstacles.obstacles) :].any():
+        driven_loads = self._obstacles.driven[len(self._obstacles.obstacles) :]
+        if self._bulk.space.dim == 3 or driven_loads.any():
             return False
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
-        if not any(nodes.any() for nodes in touching):
-            return False
-        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > EQUATIONS.max_touching:
+        count = sum(int(nodes.sum()) for nodes in touching)
+        count_tied = sum(int(nodes.sum()) for nodes in tied)
+        if not 0 < count <= EQUATIONS.max_touching - count_tied:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if self._floating.bodies and not any(law.has_friction for law in laws):
@@ -216,9 +201,9 @@ class LinearizedContact:
         found = comm.bcast(follow_loads(problem, *start) if comm.rank == 0 else None)
         if not isinstance(found, TurningPoint) or found.node < 0:
             return ""
-        contacts = np.repeat(np.arange(len(nodes)), [j.size for j in nodes])
-        contact = self._contacts[contacts[found.node]]
-        where = errors.format_point(contact.operators.x[np.concatenate(nodes)[found.node]])
+        places = zip(self._contacts, nodes, strict=True)
+        contact, node = [(c, j) for c, mine in places for j in mine][found.node]
+        where = errors.format_point(contact.operators.x[node])
         return (
             f"the path of equilibria, linearized at the last one, has a turning point where the "
             f"node at {where} of '{contact.pair.slave_name}' opens, closes, sticks or slides: it "
@@ -227,7 +212,7 @@ class LinearizedContact:
 
     def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
         """Sets, scaled multipliers and gaps of ``nodes`` at the accepted state (local)."""
-        parts, stiffest = [], max(float(contact.stiffness.max()) for contact in self._contacts)
+        parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
             last, o = contact.partners, contact.operators
             multipliers = (
@@ -236,7 +221,7 @@ class LinearizedContact:
             gap = (
                 np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
             )
-            parts.append([*multipliers, gap * contact.stiffness[j] / stiffest])
+            parts.append([*multipliers, gap * contact.stiffness[j] / self._stiffest])
         z_n, z_tau, gap = np.concatenate(parts, axis=1)
         slides = np.abs(z_tau) >= (1.0 - SOLVED) * slope * z_n
         branch = np.where(slides, np.sign(z_tau), 0.0).astype(np.int64)
@@ -271,7 +256,7 @@ class LinearizedContact:
             shear = (contact.partners.shear / self._system.scale(contact)[:, 0])[j]
             parts.append(np.stack([row, shear]) * contact.redundant[j])
         elastic, shear = np.concatenate(parts, axis=1)
-        elastic = elastic / max(float(contact.stiffness.max()) for contact in self._contacts)
+        elastic = elastic / self._stiffest
         V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= elastic
         q[n:] += elastic * shear
         return problem._replace(V=V, q=q)
@@ -311,7 +296,7 @@ class LinearizedContact:
             rows.append(_slip_weight(contact, j))
         # Weights of the rows of slip that make the compliance symmetric.
         weight = np.concatenate([np.ones(len(E) // 2), *rows])
-        weight /= max(float(contact.stiffness.max()) for contact in self._contacts)
+        weight /= self._stiffest
         return FrictionProblem(weight[:, None] * V, weight * y, np.concatenate(slopes))
 
     def _typical_pressure(self) -> float:
@@ -335,12 +320,11 @@ class LinearizedContact:
         size = system.num_z_dofs
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(pair_rows))
-        compliance = BodyCompliance(bulk, self._floating)
         moved = np.zeros(bulk.num_owned)
         moved[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
         rest = -(products(bulk.K, moved[None])[0] + bulk.r.array_r[: bulk.num_owned])
         forces = _columns(B_T, used)
-        responses = compliance.displacements(np.column_stack([forces, rest]))
+        responses = displacements(bulk, self._floating, np.column_stack([forces, rest]))
         responses[:, -1] += moved
         rows = comm.allreduce(_columns(C.transpose(), used).T @ responses)
         rhs = np.zeros(system.all_z_dofs)
@@ -358,32 +342,27 @@ class LinearizedContact:
         driven = motions.driven_obstacles
         if not driven.any():
             return
-        weak = RIGID.weakest_spring * max(
-            float(contact.stiffness.max()) for contact in self._contacts
-        )
         by_motion = np.zeros((*driven.shape, system.all_z_dofs))
         by_pressure = np.zeros_like(by_motion)
-        for contact, columns in system.numbered():
-            if not isinstance(contact, Contact) or contact.obstacle is None:
+        for contact, columns in self._numbered:
+            if contact.obstacle is None:
                 continue
             number = motions.obstacles.index(contact.obstacle)
             _, M_q, _ = contact.on_obstacle.motion_force_derivatives(contact.z)
             by_motion[number][:, columns] = np.moveaxis(contact.rows.by_motions(), 2, 0)
             by_pressure[number][:, columns] = M_q * system.scale(contact)
-        by_motion = by_motion[driven][:, used] / weak
+        by_motion = by_motion[driven][:, used] / (RIGID.weakest_spring * self._stiffest)
         V -= by_motion.T @ by_pressure[driven][:, used]
         balance = motions.obstacle_forces() - motions.residual()[: len(driven)]
         y += balance[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
         """Normals, then tangents of the nodes as rows over all multiplier components (local)."""
-        size, found = self._system.all_z_dofs, []
-        places = dict(zip(map(id, self._system.contacts), self._system.z_dofs, strict=True))
+        found = []
         for kind in ("n", "tau"):
-            for contact, j in zip(self._contacts, nodes, strict=True):
-                rows = np.zeros((j.size, size))
-                columns = places[id(contact)][j]
-                rows[np.arange(j.size)[:, None], columns] = getattr(contact.operators, kind)[j]
+            for (contact, z_dofs), j in zip(self._numbered, nodes, strict=True):
+                rows = np.zeros((j.size, self._system.all_z_dofs))
+                np.put_along_axis(rows, z_dofs[j], getattr(contact.operators, kind)[j], axis=1)
                 found.append(rows)
         return np.concatenate(found)
 
@@ -409,13 +388,8 @@ def _may_touch(contact: Contact) -> Flags:
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
     """Owned rows and the ascending columns ``used`` of a matrix as a dense array (local)."""
-    starts, columns, values = matrix.getValuesCSR()
-    rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
-    index = np.full(matrix.getSize()[1], -1)
-    index[used] = np.arange(used.size)
-    kept = index[columns] >= 0
-    dense = np.zeros((starts.size - 1, used.size))
-    dense[rows[kept], index[columns[kept]]] = values[kept]
+    size = matrix.getLocalSize()[0], matrix.getSize()[1]
+    dense: Array = csr_array(matrix.getValuesCSR()[::-1], shape=size)[:, used].toarray()
     return dense
 
 
@@ -430,22 +404,6 @@ def _slip_weight(contact: Contact, j: Indices) -> Array:
 DEPENDENT = 0.1
 
 
-class _Entries(NamedTuple):
-    """Entries of the rows of gaps and sticks of a pair.
-
-    Attributes:
-        row: Number of the row, dim j for the gap of slave node j, the next ones for its sticks.
-        node: Global number of the node.
-        value: Coefficients of its components, shape (entries, dim) [1].
-        own: Whether the entry is of D, not of M.
-    """
-
-    row: Indices
-    node: Indices
-    value: Array
-    own: Flags
-
-
 class Redundancy:
     """Search for redundant sticks of all pairs; replicated, all methods are local.
 
@@ -456,7 +414,10 @@ class Redundancy:
     def __init__(self, interfaces: Sequence[Interface]) -> None:
         self._contacts = [c for c in interfaces if isinstance(c, Contact)]
         self._curves = [_curves(contact) for contact in self._contacts]
-        nodes = [_occurrences(contact) for contact in self._contacts]
+        # nodes that two curves share are nodes of both on a surface that may touch itself
+        nodes = [
+            c.slave.nodes if c.slave is c.master else np.unique(c.nodes) for c in self._contacts
+        ]
         found, count = np.unique(np.concatenate([[], *nodes]), return_counts=True)
         self._shared = found[count > 1]
 
@@ -470,13 +431,14 @@ class Redundancy:
             return
         for contact in self._contacts:
             contact.change(redundant=contact.redundant & contact.sticking)
-        if not any(map(self._sticks_at_shared, self._contacts)):
+        sticks = [contact.slave.nodes[contact.sticking] for contact in self._contacts]
+        if not np.isin(np.concatenate(sticks), self._shared).any():
             return
-        parts = [self._entries(contact) for contact in self._contacts]
-        pair = np.repeat(np.arange(len(parts)), [part.row.size for part in parts])
+        parts = [_entries(contact) for contact in self._contacts]
+        pair = np.repeat(np.arange(len(parts)), [part[0].size for part in parts])
         row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
         dim = value.shape[1]
-        curve = [of[part.row // dim] for of, part in zip(self._curves, parts, strict=True)]
+        curve = [of[part[0] // dim] for of, part in zip(self._curves, parts, strict=True)]
         kept = repeating(pair + len(parts) * np.concatenate(curve), row, node, own)
         if not kept.any():
             return
@@ -499,24 +461,6 @@ class Redundancy:
         for contact in self._contacts:
             contact.change(redundant=np.zeros(contact.slave.num_nodes, bool))
 
-    def _sticks_at_shared(self, contact: Contact) -> bool:
-        """Whether a sticking node is shared with another pair."""
-        sticks = contact.slave.nodes[contact.sticking]
-        return bool(sticks.size and np.isin(sticks, self._shared).any())
-
-    @staticmethod
-    def _entries(contact: Contact) -> _Entries:
-        """Normalized rows of active gaps and sticks; prescribed components are zero.
-
-        Entries of nodes that are coupled only because positions differ by rounding are dropped.
-        """
-        parts = list(_directed_entries(contact))
-        row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
-        length = np.sqrt(np.bincount(row, (value**2).sum(axis=1)))[row]
-        value = value / np.where(length > 0.0, length, 1.0)[:, None]
-        couples = np.abs(value).max(axis=1) > SAME_PLACE
-        return _Entries(row[couples], node[couples], value[couples], own[couples])
-
 
 def _curves(contact: Contact) -> Indices:
     """Curve of each slave node of a surface that may touch itself, else 0, (slave nodes,)."""
@@ -526,15 +470,18 @@ def _curves(contact: Contact) -> Indices:
     return curves
 
 
-def _occurrences(contact: Contact) -> Indices:
-    """Nodes of a pair; twice those that two curves share on a surface that may touch itself."""
-    itself = contact.slave is contact.master
-    return contact.slave.nodes if itself else np.unique(contact.nodes)
+def _entries(contact: Contact) -> tuple[Indices, Indices, Array, Flags]:
+    """Normalized entries of D and M at the last accepted state, along the present n and tangents.
 
+    Rows of active gaps and sticks; prescribed components are zero. Entries of nodes that are
+    coupled only because positions differ by rounding are dropped.
 
-def _directed_entries(contact: Contact) -> Iterator[_Entries]:
-    """Entries of D and M at the last accepted state, along the present n and tangents."""
-    o, partners = contact.operators, contact.partners
+    Returns:
+        Number of the row, dim j for the gap of slave node j, the next ones for its sticks; global
+        number of the node; coefficients of its components, shape (entries, dim) [1]; and whether
+        the entry is of D, not of M.
+    """
+    o, partners, parts = contact.operators, contact.partners, []
     sticks = [(contact.sticking, tangent) for tangent in contact.now.tangents]
     for kind, (on, direction) in enumerate([(contact.active, o.n), *sticks]):
         for surface, matrix, free, sign in (
@@ -545,9 +492,13 @@ def _directed_entries(contact: Contact) -> Iterator[_Entries]:
             mine = on[entries.row]
             j, k, c = entries.row[mine], entries.col[mine], sign * entries.data[mine]
             value = c[:, None] * direction[j] * free[k]
-            own = np.full(j.size, sign > 0.0)
             row = o.n.shape[1] * j.astype(np.int64) + kind
-            yield _Entries(row, surface.nodes[k], value, own)
+            parts.append((row, surface.nodes[k], value, np.full(j.size, sign > 0.0)))
+    row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
+    length = np.sqrt(np.bincount(row, (value**2).sum(axis=1)))[row]
+    value = value / np.where(length > 0.0, length, 1.0)[:, None]
+    couples = np.abs(value).max(axis=1) > SAME_PLACE
+    return row[couples], node[couples], value[couples], own[couples]
 
 
 def repeating(pair: Indices, row: Indices, node: Indices, own: Flags) -> Flags:

@@ -42,10 +42,19 @@ Measured on shallow ironing with friction, 80 facets on the block: steps of one 
 iterations from linear extrapolation or the last state, steps of three facets 11; from this guess 3
 and 4.
 
-Linear interpolation between the nodes of a body, on its cells divided into triangles.
+Successive solves as a load path: if loads continue, the last two states are extrapolated.
 
-Each rank interpolates in its own cells, so that no rank stores a whole body. Only points that a
-rank does not find there are sent to the others.
+A user's loop that changes loads and solves is a load path without time. The length of the next step
+follows from the loads: each prescribed value, constant and function of the forms, obstacle and
+offset has to change along its last change, all by the same ratio. The guess is the last state if
+
+- nothing changed, or loads change direction, reverse, start or stop;
+- a step is more than twice as long as the last one;
+- a law was changed;
+- the present state is not the result of the last solve;
+- the bodies have inertia.
+
+Otherwise the guess is extrapolated, if its residual is smaller than that of the last state.
 """
 
 from __future__ import annotations
@@ -57,113 +66,28 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
 
+from fenics_mortar.bulk.cells import Triangles, triangulate
 from fenics_mortar.contact.arcs import Carried, carried_by, moved_by
 from fenics_mortar.contact.contact import Contact, begin_step
+from fenics_mortar.contact.pair import Pretension
+from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.kernels.crossing import interpolate
-from fenics_mortar.kernels.tree import build_tree, spatial_order
 from fenics_mortar.newton.loop import NewtonReport, then_solve
-from fenics_mortar.obstacles.rigid_motion import TURNS, polar_rotation, rotation_by
+from fenics_mortar.obstacles.rigid_motion import TURNS, rotation_by
+from fenics_mortar.rigid.body_motions import by_body
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, norms
-from fenics_mortar.utils.errors import NotConvergedError
-from fenics_mortar.utils.ranks import agreed, sum_over_ranks
-from fenics_mortar.verify.node_paths import SLENDER, STRETCHED
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices, norms
+from fenics_mortar.utils.errors import NotConvergedError, as_text
+from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
+from fenics_mortar.verify.node_paths import STRETCHED, turn_of
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.bodies import FloatingBody
     from fenics_mortar.equations.general import ContactEquations, State
     from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.mesh.space import DisplacementSpace
-
-# Triangles between the nodes of a cell, by the number of nodes; for their order see ``bulk.cells``.
-DIVISIONS = {
-    3: [[0, 1, 2]],
-    4: [[0, 1, 2], [1, 3, 2]],
-    6: [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
-    9: [
-        [0, 4, 8], [4, 1, 6], [8, 4, 6], [0, 8, 5], [5, 8, 7], [5, 7, 2], [8, 6, 3], [8, 3, 7],
-    ],
-}  # fmt: skip
-
-
-class Triangles(NamedTuple):
-    """Triangles between the local nodes of a body.
-
-    Attributes:
-        comm: Communicator.
-        X: Reference positions of the local nodes, ghosts included, shape (n, 2) [length].
-        nodes: Nodes of the triangles, shape (t, 3).
-        boxes: Tree of their boxes, see ``kernels.tree``; empty without triangles.
-    """
-
-    comm: MPI.Comm
-    X: Array
-    nodes: Indices
-    boxes: Array
-
-    def interpolate(self, values: Array, points: Array) -> Array:
-        """Interpolate a field at points in the body (collective).
-
-        Args:
-            values: Values at the local nodes, shape (n, 2) [unit].
-            points: Points of this rank, mostly in its own cells, shape (p, 2) [length].
-
-        Returns:
-            Values at these points, nan outside of the body, shape (p, 2) [unit].
-        """
-        result = self._interpolate_here(values, points)
-        if self.comm.size == 1:
-            return result
-        missing = np.flatnonzero(np.isnan(result[:, 0]))
-        requests: list[Array] = self.comm.allgather(points[missing])
-        requests[self.comm.rank] = np.empty((0, 2))
-        answers = self.comm.alltoall([self._interpolate_here(values, there) for there in requests])
-        for rank, found in enumerate(answers):
-            if rank != self.comm.rank:
-                rest = np.isnan(result[missing, 0])
-                result[missing[rest]] = found[rest]
-        return result
-
-    def _interpolate_here(self, values: Array, points: Array) -> Array:
-        """Values (p, 2) at points (p, 2), nan outside of the cells of this rank (local)."""
-        found = np.full((len(points), 2), np.nan)
-        if len(self.nodes) and len(points):
-            interpolate(points, self.boxes, self.X, self.nodes, values, found)
-        return found
-
-
-def triangulate(space: DisplacementSpace, mine: Indices) -> Triangles:
-    """Divide the local cells of a body into triangles (local).
-
-    Args:
-        space: Nodes of the displacement.
-        mine: Local nodes of the body, ghosts included, ascending, shape (n,).
-    """
-    V = space.V
-    X = V.tabulate_dof_coordinates()[:, :2]
-    number = np.full(len(X), -1)
-    number[mine] = np.arange(len(mine))
-    cells = number[compat.dofmap(V)]
-    triangles = cells[cells[:, 0] >= 0][:, np.array(DIVISIONS[cells.shape[1]])].reshape(-1, 3)
-    return triangles_of(V.mesh.comm, X[mine], triangles)
-
-
-def triangles_of(comm: MPI.Comm, X: Array, nodes: Indices) -> Triangles:
-    """Triangles between nodes at ``X`` (n, 2) [length], their ``nodes`` (t, 3) (local).
-
-    A search takes O(log t) only if neighbours in the order are neighbours in space: triangles are
-    sorted along a Morton curve.
-    """
-    if not len(nodes):
-        return Triangles(comm, X, nodes, np.empty((0, 4)))
-    nodes = nodes[spatial_order(X[nodes].mean(axis=1))]
-    return Triangles(comm, X, nodes, build_tree(X, nodes))
 
 
 class _Side(NamedTuple):
@@ -173,18 +97,6 @@ class _Side(NamedTuple):
     is_slave: bool
     surface: Curve
     body: int
-
-
-class _Body(NamedTuple):
-    """The local nodes of a body, and its local cells.
-
-    Attributes:
-        dofs: Local dofs of the nodes, ghosts included, shape (n, 2).
-        mesh: The body's local cells, divided into triangles.
-    """
-
-    dofs: Indices
-    mesh: Triangles
 
 
 class MovingFrame:
@@ -203,7 +115,7 @@ class MovingFrame:
                 if isinstance(contact, Contact) and bodies.size == 1:
                     is_slave = surface is contact.slave
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
-        self._bodies: dict[int, _Body] = {}
+        self._bodies: dict[int, tuple[Indices, Triangles]] = {}
 
     def contact_centres(self) -> Array:
         """Undeformed positions of contacts, (sides, 2), nan if open [length] (collective)."""
@@ -266,12 +178,12 @@ class MovingFrame:
                 found[body] = s
         return found
 
-    def _body(self, number: int) -> _Body:
-        """Local nodes and cells of a body (local)."""
+    def _body(self, number: int) -> tuple[Indices, Triangles]:
+        """Local dofs of the nodes of a body, (n, 2), and its local cells (local)."""
         if number not in self._bodies:
             space = self._problem.bulk.space
             mine = np.flatnonzero(self._problem.floating.labels == number)
-            self._bodies[number] = _Body(space.dofs[mine], triangulate(space, mine))
+            self._bodies[number] = space.dofs[mine], triangulate(space, mine)
         return self._bodies[number]
 
 
@@ -420,7 +332,7 @@ class Predictor:
             best[1].residual = best[0]
         if self._evaluated is not best[2]:
             problem.restore(best[2])
-        elif problem.floating.bodies or problem.motions.any_driven:
+        elif problem.floating.bodies or problem.motions.driven.any():
             problem.put(best[2])  # its own sets, on which rigid moves before the solve depend
         elif self._status is not None:
             problem.evaluated = best[2], self._status
@@ -450,7 +362,7 @@ class Predictor:
 
     def _under_pressure(self) -> Flags:
         """Marks of pairs under pressure, shape (contacts,), bool (local)."""
-        contacts = [c for c in self._problem.contacts if isinstance(c, Contact)]
+        contacts = self._problem.floating.contacts
         return np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _solve_from_guess(
@@ -492,12 +404,17 @@ def turns_of_prescribed(e: ContactEquations) -> dict[int, Motion]:
     bulk, dofs = e.bulk, e.bulk.space.owned_dofs
     values = bulk.values.copy()
     compat.set_prescribed(values, bulk.bcs)
-    led = bulk.prescribed[dofs].all(axis=1)
-    x, change = bulk.positions()[: len(dofs)], (values - bulk.values)[dofs]
-    of_bodies = e.floating.labels[: len(dofs)][led], e.floating.num_bodies
-    sums = sum_over_ranks(e.comm, _sums(x[led], (x + change)[led], *of_bodies))
-    motions = map(_motion, sums)
-    return {body: motion for body, motion in enumerate(motions) if motion is not None}
+    led = np.flatnonzero(bulk.prescribed[dofs].all(axis=1))
+    x, change = bulk.positions()[led], (values - bulk.values)[dofs[led]]
+    parts = e.comm.allgather((e.floating.labels[led], x, x + change))
+    bodies, x0, x1 = (np.concatenate(column) for column in zip(*parts, strict=True))
+    found = {}
+    for body in np.unique(bodies).tolist():
+        start, end = x0[bodies == body], x1[bodies == body]
+        turn = turn_of(start, end, STRETCHED)
+        if np.linalg.norm(turn) > TURNED:
+            found[body] = start.mean(axis=0), end.mean(axis=0), rotation_by(turn)
+    return found
 
 
 def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int, Motion]:
@@ -511,8 +428,7 @@ def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int,
         e: The equations at the start of the step; rigid boundaries driven by forces are moved.
         motions: Rigid motions of prescribed nodes, see ``turns_of_prescribed``.
     """
-    bodies = e.floating.bodies
-    contacts = [contact for contact in e.contacts if isinstance(contact, Contact)]
+    bodies, contacts = e.floating.bodies, e.floating.contacts
     rubs = any(contact.pair.law.has_friction for contact in contacts)
     led = e.crossings.led.carried_from_here() if bodies and rubs else None
     if led is None or not (led.turn.any() or _moves(contacts, led)):
@@ -522,8 +438,8 @@ def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int,
     told = np.isfinite(b)  # not where the prescribed nodes of a body do not move as one
     A, b = A[told], b[told]
     factors = agreed(e.comm, np.linalg.lstsq(A, -b, rcond=FOLLOWS)[0])
-    found, ends = dict(motions), np.cumsum([len(body.motions) for body in bodies])
-    for body, own in zip(bodies, np.split(factors, ends[:-1]), strict=True):
+    found = dict(motions)
+    for body, own in zip(bodies, by_body(bodies, factors), strict=True):
         motion = _as_followed(e, body, own @ body.motions, led)
         if motion is not None:
             found[body.label] = motion
@@ -610,38 +526,110 @@ def turn(e: ContactEquations, motions: dict[int, Motion], *, followed: bool) -> 
     if followed:
         return
     weights = [contact.c_n for contact in e.contacts]
-    try:
-        for contact in e.contacts:
-            contact.change(c_n=1.0)
-        e.evaluate_contacts(start=True)
-    finally:
-        for contact, c_n in zip(e.contacts, weights, strict=True):
-            contact.change(c_n=c_n)
+    for contact in e.contacts:
+        contact.change(c_n=1.0)
+    e.evaluate_contacts(start=True)  # after an error the state is restored, with its weights
+    for contact, c_n in zip(e.contacts, weights, strict=True):
+        contact.change(c_n=c_n)
 
 
-def _sums(x0: Array, x1: Array, bodies: Indices, count: int) -> Array:
-    """Sums over nodes (n,) of each body: 1, x0, x1, x1 x0, x0^2 + x1^2, shape (count, k)."""
-    n, d = x0.shape
-    products = np.einsum("na,nb->nab", x1, x0).reshape(n, d * d)
-    squares = (x0**2 + x1**2).sum(axis=1)[:, None]
-    rows = np.hstack([np.ones((n, 1)), x0, x1, products, squares])
-    found = np.zeros((count, rows.shape[1]))
-    np.add.at(found, bodies, rows)
-    return found
+# Attributes of an interface's state that a user may have changed since the last solve.
+COMPARED = (
+    "z", "active", "branch", "multiplier_nodes", "partners", "accepted_partners",
+    "accepted_instant",
+)  # fmt: skip
 
 
-def _motion(sums: Array) -> Motion | None:
-    """Rigid motion of a body that turns, from its row of ``_sums``; else ``None`` (local)."""
-    d = {10: 2, 17: 3}[sums.size]
-    if not sums[0]:
-        return None
-    start, end, products = np.split(sums[1:-1] / sums[0], [d, 2 * d])
-    A = products.reshape(d, d) - np.outer(end, start)
-    sizes = np.linalg.svd(A, compute_uv=False)
-    if sizes[d - 2] <= SLENDER * np.sqrt(sums[-1] / sums[0]) * np.sqrt(sizes[0]):
-        return None  # one point; in space points on a line
-    R = polar_rotation(A)
-    chord = float(np.linalg.norm(R - np.eye(d))) / np.sqrt(2.0)  # 2 sin(a / 2)
-    moved = chord**2 * float(sizes.sum())
-    apart = float(sums[-1] / sums[0] - start @ start - end @ end - 2.0 * (R * A).sum())
-    return (start, end, R) if chord > TURNED and apart <= STRETCHED**2 * moved else None
+# Values of all loads, distributed ones on this rank; laws as text.
+Loads = tuple[list[Array], list[str]]
+
+
+def loads_of(e: ContactEquations) -> Loads:
+    """The present loads, in a fixed order (local)."""
+    values = [*e.bulk.input_data.loads(), *e.motions.loads]
+    values += [load.motion.load.copy() for load in e.motions.spread]
+    values += [np.array(contact.offset, float).ravel() for contact in e.contacts]
+    ties = [contact.pair for contact in e.contacts if isinstance(contact, Tie)]
+    values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]
+    return values, [as_text(contact.pair.law) for contact in e.floating.contacts]
+
+
+class Continuation:
+    """The last two accepted states of a problem and their loads.
+
+    Args:
+        equations: The equations of the problem.
+    """
+
+    def __init__(self, equations: ContactEquations) -> None:
+        self._equations, self._predictor = equations, Predictor(equations, 0.0)
+        self._past: list[Loads] = []
+        self._step = 1.0
+
+    @contextmanager
+    def attempt(
+        self, solve: Callable[[], NewtonReport], *, guess: bool
+    ) -> Iterator[Callable[[], NewtonReport]]:
+        """Context of a solve, from a guess if loads continue, else from the present state.
+
+        The state at its end is accepted. Collective.
+
+        Args:
+            solve: Function that solves from the present state.
+            guess: Whether to guess; never for bodies in motion, which have forces beyond the forms.
+
+        Yields:
+            Function that returns the record, see ``Predictor.attempt``.
+        """
+        guess &= self._equations.bulk.inertia is None
+        if not (self._past and guess and self._is_last_state()):
+            self._past = []
+        if not guess:
+            yield solve
+            return
+        loads = loads_of(self._equations)
+        ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
+        step = self._step * ratio if ratio else 1.0
+        if not self._past:
+            yield solve
+            self._predictor.begin(0.0)
+        else:
+            time = self._predictor.time + step
+            with self._predictor.attempt(time, solve, guesses=ratio > 0.0) as finish:
+                yield finish
+        self._past, self._step = [*self._past[-1:], loads], step
+
+    def _is_last_state(self) -> bool:
+        """Whether the present state is the result of the last solve (collective)."""
+        equations, last = self._equations, self._predictor.last
+        history = equations.bulk.history.values
+        same = np.array_equal(equations.bulk.u.x.array, last.u) and all(
+            getattr(contact.state, name) is getattr(interface, name)
+            for contact, interface in zip(equations.contacts, last.interfaces, strict=True)
+            for name in COMPARED
+        )
+        found = equations.motions.found
+        same &= np.array_equal(history.accepted, last.history.accepted)
+        same &= np.array_equal(equations.motions.places[found], last.places[found])
+        return on_all_ranks(equations.comm, same)
+
+    def _ratio(self, loads: Loads) -> float:
+        """Length of the next load step over that of the last [1]; 0.0 if loads do not continue.
+
+        Collective.
+        """
+        values, (before, last, laws) = zip(*self._past, loads, strict=True)
+        parts = []
+        for a, b, c in zip(*values, strict=True):
+            done, next_ = b - a, c - b
+            parts.append((done @ done, done @ next_, next_ @ next_, a @ a + b @ b + c @ c))
+        sums = sum_over_ranks(self._equations.comm, np.reshape(parts, (-1, 4)))
+        sums[:, :3] *= sums[:, :3].max(axis=1, keepdims=True) > ROUNDING**2 * sums[:, 3:]
+        done2, product, next2, _ = sums.T
+        if before != laws or last != laws or not done2.any():
+            return 0.0
+        first = np.flatnonzero(done2)[0]
+        ratio = float(product[first] / done2[first])
+        aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
+        continues = 0.0 < ratio <= EQUATIONS.longest * (1.0 + ROUNDING)
+        return ratio if continues and (aside2 <= EQUATIONS.same_direction**2 * next2).all() else 0.0

@@ -17,45 +17,146 @@ inverse of the Schur complement of K on S. Products of W with earlier changes of
 are stored; few of these are independent along a path. The displacement inside the bodies is
 computed at the end of Newton's method.
 
+Solves with the tangent of a linear bulk that is factored once, or with its transpose.
+
+The equations of ``linearized`` on the free dofs are
+
+    K u + K_c u + B^T z = f - K_H u_H,        C u + A_z z = h.
+
+On the contact dofs they are the dense system of displacements and multipliers
+
+    u + A (K_c u + B^T z) = d,        C u + A_z z = h,
+
+with the displacement d without contact forces. One solve with K and the forces of its solution
+yields u elsewhere. The transposed equations have the same form: K_c^T replaces K_c, C^T
+replaces B^T, B replaces C, and A_z^T replaces A_z. The values at prescribed dofs are computed last.
+
+The dense system contains the multipliers with displacements in their rows, C. Multipliers of other
+nodes, most of them open, are computed separately: for A x = b before it, since they exert forces,
+and for A^T y = b after it, since they depend on the displacements.
+
 Choice between all equations and those reduced to the contact dofs of a linear bulk.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 from scipy.sparse import coo_array
 
-from fenics_mortar.bulk.bodies import find_floating_bodies
+from fenics_mortar.bulk.bodies import find_floating_bodies, products
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.linearized import (
-    ContactMatrices,
-    ReducedTangent,
-    on_first_rank,
-    solve_dense,
-)
 from fenics_mortar.la.compliance import Compliance, ContactDofs
 from fenics_mortar.la.options import COMPLIANCE, costs_of
+from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten, is_symmetric
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.rows import Rows
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.interface.mortar import Block
     from fenics_mortar.newton.loop import Status, Step
-    from fenics_mortar.utils.arrays import Array, Flags
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+
+class ContactMatrices(NamedTuple):
+    """Matrices on the contact dofs and n multipliers.
+
+    Attributes:
+        K_c: Derivative of forces with respect to displacements at fixed multipliers, (size, size).
+        B_T: Derivative of forces with respect to multipliers, (size, n).
+        C: Derivative of the multipliers' rows with respect to displacements, (n, size).
+        A_z: Derivative of the multipliers' rows with respect to multipliers, (n, n); a block per
+            node.
+    """
+
+    K_c: coo_array
+    B_T: coo_array
+    C: coo_array
+    A_z: coo_array
+
+    @property
+    def transposed(self) -> Self:
+        """The matrices of the transposed equations."""
+        return type(self)(self.K_c.T, self.C.T, self.B_T.T, self.A_z.T)
+
+
+def solve_dense(
+    A: Array, matrices: ContactMatrices, some: Indices, d: Array, rhs: Array, weight: Array
+) -> tuple[Array, Array, Array]:
+    """Solve the dense system for some multipliers, the others being zero (local).
+
+    Args:
+        A: Compliance, symmetric, (size, size) [1 / stress].
+        matrices: The matrices.
+        some: Numbers of the multipliers, ascending.
+        d: Displacements without contact forces, (size,) [length].
+        rhs: Right-hand side h, (n,).
+        weight: Factors of the rows of multipliers, (n,), for the norm of the error.
+
+    Returns:
+        Displacements and contact forces, (size,) each, multipliers, (n,).
+
+    Raises:
+        LinAlgError: If the system is singular.
+    """
+    K_c, B_T, C, A_z = matrices
+    coupled = B_T.row[np.isin(B_T.col, some)]
+    t = np.unique(np.concatenate([K_c.row, K_c.col, coupled, C.col[np.isin(C.row, some)]]))
+    K_t, B_t, A_t = K_c.tocsr()[t][:, t], B_T.tocsr()[t][:, some], A[t]
+    matrix = np.empty((t.size + some.size, t.size + some.size))
+    upper, lower = np.split(matrix, [t.size])
+    upper[:, : t.size] = (K_t.T @ A_t[:, t]).T  # A is symmetric
+    upper[:, t.size :] = (B_t.T @ A_t[:, t]).T
+    upper[np.diag_indices(t.size)] += 1.0
+    lower[:, : t.size] = C.tocsr()[some][:, t].toarray()
+    lower[:, t.size :] = A_z.tocsr()[some][:, some].toarray()
+    lower *= weight[some, None]
+    right = np.concatenate([d[t], weight[some] * rhs[some]])
+    x = np.linalg.solve(matrix, right)
+    defect = np.linalg.norm(matrix @ x - right)
+    if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
+        raise np.linalg.LinAlgError("the solution has a defect")
+    z, force = np.zeros(rhs.size), np.zeros(d.size)
+    z[some] = x[t.size :]
+    force[t] = K_t @ x[: t.size] + B_t @ z[some]
+    return d - force[t] @ A_t, force, z
+
+
+def solve_alone(A_z: coo_array, alone: Sequence[Indices], rhs: Array) -> Array:
+    """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
+
+    Args:
+        A_z: See ``ContactMatrices``.
+        alone: Numbers of the components of these multipliers, (nodes, c) for each pair.
+        rhs: Right-hand side, (n,).
+
+    Raises:
+        LinAlgError: If a block is singular.
+    """
+    z = np.zeros(rhs.size)
+    for z_dofs in alone:
+        node, component = np.full((2, rhs.size), -1)
+        node[z_dofs], component[z_dofs] = np.indices(z_dofs.shape)
+        here = node[A_z.row] >= 0
+        i, j, blocks = A_z.row[here], A_z.col[here], np.zeros((*z_dofs.shape, z_dofs.shape[1]))
+        np.add.at(blocks, (node[i], component[i], component[j]), A_z.data[here])
+        z[z_dofs] = np.linalg.solve(blocks, rhs[z_dofs][:, :, None])[..., 0]
+    return z
 
 
 class ReducedEquations:
-    """Equations for ``newton.loop.solve``, reduced to the contact dofs; methods are collective.
+    """Equations for ``newton.loop.solve``, and linear solves with their tangent, by factors of K.
+
+    All methods are collective.
 
     Args:
         general: The general equations, with linear bulk and without floating bodies.
@@ -63,18 +164,19 @@ class ReducedEquations:
     """
 
     def __init__(self, general: ContactEquations, prefix: str) -> None:
-        self._general, self._bulk, self._system = general, general.bulk, general.system
-        self.remedies = general.remedies
-        self._comm: MPI.Comm = self._bulk.comm
-        self._dofs = ContactDofs(general.contacts, self._bulk)
-        self._compliance = Compliance(self._bulk, self._dofs, prefix)
-        self._inside: Flags = ~self._bulk.prescribed[: self._bulk.num_owned]
+        self._general, self._system = general, general.system
+        self.remedies, self.seconds = general.remedies, general.seconds
+        self._bulk = bulk = general.bulk
+        self._dofs = ContactDofs(general.contacts, bulk)
+        self._compliance = Compliance(bulk, self._dofs, prefix)
+        self._inside: Flags = ~bulk.prescribed[: bulk.num_owned]
         self._inside[self._dofs.local] = False
+        rows = (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType)
+        self._K_H = bulk.K.createSubMatrix(PETSc.IS().createGeneral(rows, bulk.comm))
         self._force: Array | None = None
-        self._tangent: ReducedTangent | None = None
 
     def evaluate(self, *, start: bool) -> Status:
-        """See ``ContactEquations``; after a step the residual follows from contact alone."""
+        """Evaluate the present state; after a step the residual follows from contact alone."""
         if start:
             self._force = None
             self._bulk.assemble_residual()
@@ -82,27 +184,23 @@ class ReducedEquations:
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""
-        u, prescribed = self._bulk.u.x.array, self._bulk.prescribed_dofs
-        change = self._bulk.distance_to_prescribed()
+        bulk, change = self._bulk, self._bulk.distance_to_prescribed()
+        self.assemble()
         with clock("solve"):
-            without_contact = self._step_without_contact(change)
-        with clock("assembly"):
-            pair_rows = [contact.rows.linearized() for contact in self._general.contacts]
-            matrices = self._assemble(pair_rows)
-        with clock("solve"):
-            step, self._force, zeta = self._solve(without_contact, pair_rows, matrices)
-        moved = np.zeros_like(u)
+            d = self._step_without_contact(change)
+            step, self._force, zeta = self._on_contact(d, [rows.rhs for rows in self._rows])
+        moved = np.zeros_like(bulk.values)
         self._dofs.put(step, moved)
-        moved[prescribed] = change
+        moved[bulk.prescribed_dofs] = change
         fraction = 1.0
         if self._distorts(step):
             fraction = self._move_all(moved)
         else:
-            u += moved
+            bulk.values[:] += moved
             self._balance(self._force)
-        for contact, z_dofs in self._system.numbered():
-            z = zeta[z_dofs] * self._system.scale(contact)
-            contact.move(z, fraction, moved[: self._bulk.num_owned])
+        z = self._scaled(zeta)
+        for contact, values in zip(self._system.contacts, z, strict=True):
+            contact.move(values, fraction, moved[: bulk.num_owned])
         return self._general.step(moved, fraction=fraction)
 
     def _distorts(self, step: Array) -> bool:
@@ -110,12 +208,11 @@ class ReducedEquations:
 
         Local, equal on all ranks.
         """
-        for contact in self._general.contacts:
-            for side in (contact.slave, contact.master):
-                u = step[self._dofs.number(side.dofs)]
-                if (side.distortions(u) > EQUATIONS.distortion).any():
-                    return True
-        return False
+        return any(
+            (side.distortions(step[self._dofs.number(side.dofs)]) > EQUATIONS.distortion).any()
+            for contact in self._general.contacts
+            for side in (contact.slave, contact.master)
+        )
 
     def _move_all(self, moved: Array) -> float:
         """Apply the largest fraction of the step that no cell limits; return it [1] (collective).
@@ -125,15 +222,15 @@ class ReducedEquations:
         Args:
             moved: Increments of contact dofs and prescribed ones.
         """
-        u = self._bulk.u.x.array
+        u, bulk = self._bulk.values, self._bulk
         start = u.copy()
-        u += moved
-        self._find_inside()
-        whole = (u - start)[: self._bulk.num_owned]
+        u[:] += moved
+        self.finish()
+        whole = (u - start)[: bulk.num_owned]
         u[:] = start
-        self._bulk.u.x.scatter_forward()
-        fraction = self._bulk.move(whole)
-        self._bulk.assemble_residual()
+        bulk.u.x.scatter_forward()
+        fraction = bulk.move(whole)
+        bulk.assemble_residual()
         return fraction
 
     def _balance(self, force: Array) -> None:
@@ -146,31 +243,37 @@ class ReducedEquations:
 
     def _step_without_contact(self, change: Array) -> Array:
         """d_S (size,) [length] for a ``change`` of the prescribed values; complete on rank 0."""
-        r = self._bulk.r.array_r[: self._bulk.num_owned]
-        step = self._compliance.by_forces(-self._dofs.gather(r))
-        rounding = self._general.residual.roundoff() / self._general.stiffest
-        step += self._compliance.by_prescribed(change, rounding)
-        rest = self._bulk.r.duplicate()
-        rest.array[:] = np.where(self._inside, -r, 0.0)
-        forces = self._bulk.to_force * rest.array_r
-        if (
-            np.sqrt(self._comm.allreduce(float(forces @ forces)))
-            > self._general.residual.roundoff()
-        ):
-            step += self._dofs.gather(self._compliance.solve(rest).array_r)
-        moved = np.zeros(self._bulk.num_owned)
-        moved[self._bulk.prescribed_dofs] = change
-        return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
+        bulk, rounding = self._bulk, self._general.residual.roundoff()
+        f, moved = -bulk.r.array_r[: bulk.num_owned], np.zeros(bulk.num_owned)
+        inside = (bulk.to_force * f)[self._inside]
+        if bulk.comm.allreduce(float(inside @ inside)) <= rounding**2:
+            f[self._inside] = 0.0
+        moved[bulk.prescribed_dofs] = change
+        by_values = self._compliance.by_prescribed(change, rounding / self._general.stiffest)
+        return self._without_contact(f) + by_values + self._dofs.gather(moved)
 
-    def _assemble(self, pair_rows: Sequence[Rows]) -> ContactMatrices:
-        """The matrices on the contact dofs, complete on rank 0."""
-        system, size = self._system, self._dofs.size
-        count = system.all_z_dofs
-        return ContactMatrices(
+    def _without_contact(self, f: Array) -> Array:
+        """Displacements of the contact dofs under forces, (size,) [length]; complete on rank 0."""
+        if self._bulk.comm.allreduce(bool(f[self._inside].any())):
+            return self._dofs.gather(self._of_bulk(f))
+        return self._compliance.by_forces(self._dofs.gather(f))
+
+    def _of_bulk(self, f: Array) -> Array:
+        """Displacements of the owned dofs under forces on the free ones, (owned dofs,) [length]."""
+        force = self._bulk.r.duplicate()
+        force.array[:] = f
+        return np.array(self._compliance.solve(force).array_r)
+
+    @clock("assembly")
+    def assemble(self) -> None:
+        """Assemble the matrices on the contact dofs, complete on rank 0, see ``LinearSystem``."""
+        system, size, count = self._system, self._dofs.size, self._system.all_z_dofs
+        self._rows = rows = [contact.rows.linearized() for contact in system.contacts]
+        self._matrices = ContactMatrices(
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
-            self._collect(system.law_blocks(pair_rows), (count, size), (False, True)),
-            self._collect(system.multiplier_blocks(pair_rows), (count, count), (False, False)),
+            self._collect(system.law_blocks(rows), (count, size), (False, True)),
+            self._collect(system.multiplier_blocks(rows), (count, count), (False, False)),
         )
 
     def _collect(
@@ -179,65 +282,94 @@ class ReducedEquations:
         """Gather blocks on rank 0; ``are_dofs``: whether rows and columns are global dofs."""
         *places, v = flatten(blocks)
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
-        gathered = self._comm.gather((i, j, v)) or [(i, j, v)]
+        gathered = self._bulk.comm.gather((i, j, v)) or [(i, j, v)]
         i, j, v = (np.concatenate(column) for column in zip(*gathered, strict=True))
         inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
-    def _solve(
-        self, d: Array, pair_rows: Sequence[Rows], matrices: ContactMatrices
+    def _on_contact(
+        self, d: Array, h: Sequence[Array], *, transpose: bool = False
     ) -> tuple[Array, Array, Array]:
-        """Step of the contact dofs, contact force and multipliers zeta (n,) (collective)."""
-        rhs, weight = np.empty((2, self._system.all_z_dofs))
-        for (contact, z_dofs), own in zip(self._system.numbered(), pair_rows, strict=True):
-            rhs[z_dofs], weight[z_dofs] = own.rhs, 1.0 / contact.stiffness[:, None]
-        solve = partial(self._solve_dense, d, matrices, rhs, weight)
-        return on_first_rank(self._comm, solve)
+        """Displacements and contact forces (size,), multipliers zeta (n,).
 
-    def _solve_dense(
-        self, d: Array, matrices: ContactMatrices, rhs: Array, weight: Array
-    ) -> tuple[Array, Array, Array]:
-        """The solution, on rank 0.
+        Args:
+            d: Displacements without contact forces, (size,) [length]; complete on rank 0.
+            h: Right-hand sides of the multipliers' rows, (slave nodes, c) each.
+            transpose: Whether the equations are transposed.
 
-        Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
-        the law has neither displacements nor a right-hand side, its multiplier is zero.
+        Raises:
+            MortarError: On all ranks, if the system is singular.
         """
-        moved = self._system.with_others(np.concatenate([matrices.C.row, np.flatnonzero(rhs)]))
-        some = np.concatenate([np.empty(0, np.int64), *(z_dofs.ravel() for z_dofs in moved)])
-        some = np.intersect1d(some, matrices.B_T.col)
-        return solve_dense(self._compliance.A, matrices, some, d, rhs, weight)
+        comm, found = self._bulk.comm, None
+        if comm.rank == 0:
+            with suppress(np.linalg.LinAlgError):
+                found = self._solve_here(d, h, transpose)
+        found = comm.bcast(found)
+        if found is None:
+            raise MortarError("the reduced linear system is singular")
+        return found
 
-    def tangent(self) -> ReducedTangent:
-        """Solves with the tangent by the factors of the bulk."""
-        if self._tangent is None:
-            at = self._bulk, self._system, self._dofs, self._compliance, self._assemble
-            self._tangent = ReducedTangent(*at)
-        return self._tangent
+    def _solve_here(
+        self, d: Array, h: Sequence[Array], transpose: bool
+    ) -> tuple[Array, Array, Array]:
+        """Solve on this rank; multipliers without displacements in their rows apart."""
+        system, A, parts = self._system, self._compliance.A, self._matrices
+        rhs, weight = np.empty((2, system.all_z_dofs))
+        for (contact, z_dofs), values in zip(system.numbered(), h, strict=True):
+            rhs[z_dofs], weight[z_dofs] = values, 1.0 / contact.stiffness[:, None]
+        coupled = [z_dofs.ravel() for z_dofs in system.with_others(parts.C.row)]
+        some = np.sort(np.concatenate([np.empty(0, np.int64), *coupled]))
+        others = system.with_others(np.setdiff1d(np.arange(rhs.size), some))
+        parts = parts.transposed if transpose else parts
+        alone = solve_alone(parts.A_z, others, rhs)
+        pushed = parts.B_T @ alone
+        u, force, zeta = solve_dense(A, parts, some, d - A @ pushed, rhs, weight)
+        alone = solve_alone(parts.A_z, others, rhs - parts.C @ u)
+        return u, force + pushed, zeta + alone
+
+    def _scaled(self, zeta: Array) -> list[Array]:
+        """Multipliers of each contact times their scales (local)."""
+        system = self._system
+        return [zeta[z_dofs] * system.scale(contact) for contact, z_dofs in system.numbered()]
+
+    @clock("solve")
+    def solve(self, b: Array, *, transpose: bool = False) -> Array:
+        """Solve A x = b, or A^T x = b, as ``LinearSystem.solve`` [its units] (collective)."""
+        system, prescribed = self._system, self._bulk.prescribed_dofs
+        f, h = system.split(b)
+        given, f[prescribed] = f[prescribed], 0.0
+        known = np.zeros_like(f)
+        if transpose:
+            h = [values * system.scale(c) for c, values in zip(system.contacts, h, strict=True)]
+        else:
+            known[prescribed] = given
+            f -= products(self._K_H, given[None], transpose=True)[0]
+        d = self._without_contact(f) + self._dofs.gather(known)
+        _, force, zeta = self._on_contact(d, h, transpose=transpose)
+        forces = np.zeros_like(f)
+        self._dofs.put(force, forces)
+        u = self._of_bulk(f - forces) + known
+        if not transpose:
+            return system.join(u, self._scaled(zeta))
+        u[prescribed] = given - products(self._K_H, u[None])[0] - forces[prescribed]
+        return system.join(u, [zeta[z_dofs] for z_dofs in system.z_dofs])
 
     def finish(self) -> None:
-        """Compute the displacement inside the bodies."""
-        if self._force is not None:
-            self._find_inside()
-
-    def _find_inside(self) -> None:
-        """Balance the forces inside the bodies by their displacement (collective)."""
-        assert self._force is not None
-        self._bulk.u.x.scatter_forward()
-        self._bulk.assemble_residual()
+        """Balance the forces inside the bodies by their displacement."""
+        if self._force is None:
+            return
+        bulk, forces = self._bulk, np.zeros(self._bulk.num_owned)
+        bulk.u.x.scatter_forward()
+        bulk.assemble_residual()
+        self._dofs.put(self._force, forces)
         with clock("solve"):
-            rest = self._bulk.r.duplicate()
-            force = np.zeros(self._bulk.num_owned)
-            self._dofs.put(self._force, force)
-            rest.array[:] = -(self._bulk.r.array_r[: self._bulk.num_owned] + force)
-            self._bulk.u.x.array[: self._bulk.num_owned] += self._compliance.solve(rest).array_r
-        self._bulk.u.x.scatter_forward()
-
-    def seconds(self) -> dict[str, float]:
-        """See ``ContactEquations``."""
-        return self._general.seconds()
+            bulk.values[: bulk.num_owned] -= self._of_bulk(
+                bulk.r.array_r[: bulk.num_owned] + forces
+            )
+        bulk.u.x.scatter_forward()
 
     def diagnose(self) -> str:
-        """See ``ContactEquations``; computes the displacement inside the bodies first."""
+        """Describe what may be wrong, with the displacement inside the bodies; "" if nothing is."""
         self.finish()
         return self._general.diagnose()
 
@@ -279,34 +411,36 @@ class LinearBulk:
         """The reduced equations, or ``None`` for all dofs; remarks (collective)."""
         if not self._possible:
             return None, []
-        if self._general.newton.damped or self._general.motions.any_driven:
-            damped = self._general.newton.damped
-            why = "steps are damped" if damped else "motions are driven by forces"
-            self.choice = f"linear bulk factored in every iteration: {why}"
+        damped = self._general.newton.damped
+        if damped or self._general.motions.driven.any():
+            self._say_refused("steps are damped" if damped else "motions are driven by forces")
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
         if self._equations is not None and not (self._requested or self._iterates_faster()):
             self._equations = None  # many nodes have become active
-        if self._equations is None and self._pays():
-            obstacle = self._obstacle()
-            if obstacle:
-                self._possible = False
-                self.choice = f"linear bulk factored in every iteration: {obstacle}"
-                return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
-            try:
-                with clock("solve"):
-                    self._equations = ReducedEquations(self._general, self._prefix)
-            except MortarError:  # singular: the solve on all dofs locates the cause
-                if self._requested:
-                    raise
-                self.choice = "linear bulk factored in every iteration: its stiffness is singular"
-                return None, []
-            unused = self._general.system.solver.describe_unused(reduced=True)
-            return self._equations, [unused]
-        return self._equations, []
+        if self._equations is not None or not self._pays():
+            return self._equations, []
+        obstacle = self._obstacle()
+        if obstacle:
+            self._possible = False
+            self._say_refused(obstacle)
+            return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
+        try:
+            with clock("solve"):
+                self._equations = ReducedEquations(self._general, self._prefix)
+        except MortarError:  # singular: the solve on all dofs locates the cause
+            if self._requested:
+                raise
+            self._say_refused("its stiffness is singular")
+            return None, []
+        return self._equations, [self._general.system.solver.describe_unused(reduced=True)]
 
-    def tangent(self) -> ReducedTangent | None:
+    def _say_refused(self, why: str) -> None:
+        """Set ``choice``, with the reason for which all dofs are solved for (local)."""
+        self.choice = f"linear bulk factored in every iteration: {why}"
+
+    def tangent(self) -> ReducedEquations | None:
         """Solves with the tangent by the present factors (collective).
 
         ``None`` if there are none, if constants or functions of the tangent have changed since, or
@@ -317,7 +451,7 @@ class LinearBulk:
         before = self._data
         changed = self._equations is None or self._data_changed()
         self._data = before
-        return None if changed or self._equations is None else self._equations.tangent()
+        return None if changed else self._equations
 
     def count(self, num_iterations: int) -> None:
         """Count iterations on all dofs (local)."""
@@ -356,19 +490,12 @@ class LinearBulk:
             others = min(others, costs.multigrid(unknowns, iterations))
         cheaper = compliance < others and self._iterates_faster()
         pays = bool(self._requested) or (fits and cheaper)
-        if pays:
-            self.choice = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
-        else:
-            self.choice = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
-        self.choice += f" of {unknowns} unknowns"
-        if self._requested:
-            self.choice += " (linear_bulk=True)"
-        else:
-            memory = "" if fits else ", and its matrices would need more memory than factors"
-            self.choice += (
-                f" (predicted: once {compliance:.2g} s, {iterations} iterations with "
-                f"all {others:.2g} s{memory})"
-            )
+        memory = "" if fits else ", and its matrices would need more memory than factors"
+        predicted = f"once {compliance:.2g} s, {iterations} iterations with all {others:.2g} s"
+        why = "linear_bulk=True" if self._requested else f"predicted: {predicted}{memory}"
+        once = f"factored once, Newton's method on {dofs} contact dofs"
+        how = once if pays else f"factored in every iteration: {dofs} contact dofs are many"
+        self.choice = f"linear bulk {how} of {unknowns} unknowns ({why})"
         return pays
 
     def _obstacle(self) -> str:

@@ -34,7 +34,6 @@ Support reactions: force and moment of the Dirichlet conditions on named boundar
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -45,69 +44,21 @@ from dolfinx import fem
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.kernels.blocks import add_forces
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
-from fenics_mortar.utils.arrays import EPSILON, SOLVED, Array, Indices, Numbers, cross_in_plane
+from fenics_mortar.obstacles.rigid_motion import moments_of
+from fenics_mortar.utils.arrays import EPSILON, SOLVED, Array, Indices, Numbers
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MeshError, MortarError, check_same_texts, together
 from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
-    from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.rigid.driven import DrivenMotions
-    from fenics_mortar.rigid.floating import FloatingBodies
-
-
-def roundoff_of(
-    bulk: Bulk, contacts: Sequence[Interface], displacement: float, stiffness: float
-) -> float:
-    """Attainable accuracy of the residual, limited by roundoff [stress length] (collective).
-
-    Args:
-        bulk: The bodies.
-        contacts: All pairs.
-        displacement: Largest displacement of bodies and obstacles [length].
-        stiffness: Largest diagonal entry of the bulk tangent [stress].
-    """
-    roundoff = stiffness * math.sqrt(bulk.num_dofs) * displacement
-    for c in contacts:
-        steepest = max(stiffness, c.now.steepness)
-        largest = float(np.abs(c.slave.X).max())
-        roundoff += steepest * largest * math.sqrt(c.slave.num_nodes)
-    return 4.0 * EPSILON * roundoff
-
-
-def check_equal_on_ranks(total: float, squares: float, force2: float, num_ranks: int) -> None:
-    """Check that replicated contact rows are equal on all ranks (local).
-
-    Args:
-        total: Sum over the ranks of the squared norm of the rows.
-        squares: Sum over the ranks of the squared norm to the power of two.
-        force2: Square of the reference force.
-        num_ranks: Number of ranks.
-
-    Raises:
-        MortarError: On all ranks, if the rows differ.
-    """
-    mean = total / num_ranks
-    spread = math.sqrt(max(squares / num_ranks - mean**2, 0.0))
-    if spread > SOLVED * max(mean, force2):  # roundoff of the spread is sqrt(EPSILON) = 1.5e-8
-        raise MortarError(
-            "the equations of contact differ between ranks: expected the same law, distance and "
-            "attributes of contacts and obstacles on all ranks"
-        )
 
 
 class Residual:
     """Residual of the last evaluated state; all methods are collective.
 
     Args:
-        bulk: Bulk residual and tangent.
-        contacts: The bound pairs.
-        floating: Bodies that Dirichlet conditions leave free to move rigidly.
-        motions: The rigid motions.
-        stiffest: Largest diagonal entry of the bulk tangent [stress].
+        equations: The ``ContactEquations``.
 
     Attributes:
         total: Sum of bulk residual and contact forces, (owned dofs,) [stress length].
@@ -124,17 +75,11 @@ class Residual:
     gap: float
     attainable: float
 
-    def __init__(
-        self,
-        bulk: Bulk,
-        contacts: Sequence[Contact | Tie],
-        floating: FloatingBodies,
-        motions: DrivenMotions,
-        stiffest: float,
-    ) -> None:
-        self._bulk, self._contacts = bulk, contacts
-        self._floating, self._motions, self._stiffest = floating, motions, stiffest
-        self._per_distance = stiffest / bulk.units[bulk.prescribed_dofs]
+    def __init__(self, equations: Any) -> None:
+        bulk: Bulk = equations.bulk
+        self._bulk, self._contacts, self._floating = bulk, equations.contacts, equations.floating
+        self._motions, self._stiffest = equations.motions, equations.stiffest
+        self._per_distance = equations.stiffest / bulk.units[bulk.prescribed_dofs]
         self.begin()
 
     def begin(self) -> None:
@@ -151,7 +96,7 @@ class Residual:
         for contact in self._contacts:
             squares, gap = contact.rows.measure()
             rows, self.gap = rows + squares, max(gap, self.gap)
-            for flux in contact.fluxes:
+            for flux in contact.conductances:
                 rows += flux.row_squares()
         raise_stored(bulk.comm, self._contacts)
         if self._motions.remote:
@@ -167,12 +112,30 @@ class Residual:
         sums = np.array([free + moves @ moves, contact, reactions, inertia, rows, rows * rows])
         if bulk.comm.size > 1:
             sums = sum_over_ranks(bulk.comm, sums)
-            check_equal_on_ranks(
-                float(sums[4]), float(sums[5]), float(sums[1:4].max()), bulk.comm.size
-            )
+            self._check_equal_on_ranks(sums[1:4].max(), *sums[4:])
         largest = sums[1:4].max()  # nan if one of them is
         self.force, self.attainable = math.sqrt(largest), self.roundoff()
         return math.sqrt(sums[0] + sums[4] / bulk.comm.size)  # equal on all ranks
+
+    def _check_equal_on_ranks(self, force2: float, total: float, squares: float) -> None:
+        """Check that replicated contact rows are equal on all ranks.
+
+        Args:
+            force2: Square of the reference force.
+            total: Sum over the ranks of the squared norm of the rows.
+            squares: Sum over the ranks of the squared norm to the power of two.
+
+        Raises:
+            MortarError: On all ranks, if the rows differ.
+        """
+        size = self._bulk.comm.size
+        mean = total / size
+        spread = math.sqrt(max(squares / size - mean**2, 0.0))
+        if spread > SOLVED * max(mean, force2):  # its roundoff is sqrt(EPSILON) = 1.5e-8
+            raise MortarError(
+                "the equations of contact differ between ranks: expected the same law, distance "
+                "and attributes of contacts and obstacles on all ranks"
+            )
 
     def driving(self) -> Array:
         """``total`` less the pushes on rigid boundaries, (owned dofs,) [stress length].
@@ -188,11 +151,16 @@ class Residual:
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""
-        largest, inertia = self._bulk.largest(self._bulk.values), self._bulk.inertia
+        bulk, inertia = self._bulk, self._bulk.inertia
+        displacement = bulk.largest(bulk.values)
         if self._motions.movers:
-            largest = max(largest, self._motions.largest())
-        stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
-        return roundoff_of(self._bulk, self._contacts, largest, stiffest)
+            displacement = max(displacement, self._motions.largest())
+        stiffness = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
+        roundoff = stiffness * math.sqrt(bulk.num_dofs) * displacement
+        for c in self._contacts:
+            largest = float(np.abs(c.slave.X).max()) * math.sqrt(c.slave.num_nodes)
+            roundoff += max(stiffness, c.now.steepness) * largest
+        return 4.0 * EPSILON * roundoff
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Bulk residual, contact forces and forces on obstacles at the present state.
@@ -200,7 +168,7 @@ class Residual:
         Returns:
             Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
             prescribed dofs is the support reaction; forces and moments that keep obstacles in
-            place, (obstacles, 3), moments over ``RigidMotions.scales`` [stress length].
+            place, (obstacles, 3), moments over ``DrivenMotions.scales`` [stress length].
         """
         self._bulk.assemble_residual()
         bulk = self._bulk.r.array_r[: self._bulk.num_owned].copy()
@@ -271,19 +239,21 @@ class Reaction(NamedTuple):
     about: Array
 
 
-def named_boundary(
-    bulk: Bulk, given: list[MeshData], names: Names, about: npt.ArrayLike | None
-) -> tuple[MeshData, Array]:
-    """Mesh with some names of boundaries, and point of reference (dim,) [length] (collective).
+def reaction_of(
+    bulk: Bulk, forces: Array, given: list[MeshData], names: Names, about: npt.ArrayLike | None
+) -> Reaction:
+    """Sum of forces at the prescribed dofs of some boundaries (collective).
 
     Args:
         bulk: The bodies.
+        forces: Bulk residual plus contact forces, shape (owned dofs,) [stress length].
         given: Meshes with names, those of the pairs or one of the user.
-        names: Names or tags of the boundaries.
-        about: The point of reference, or ``None`` for the origin.
+        names: Names or tags of the boundaries; a node of several of them counts once.
+        about: The point of reference, shape (dim,) [length], or ``None`` for the origin.
 
     Raises:
-        MeshError: On all ranks, if no mesh has the names.
+        MeshError: On all ranks, if no mesh has the names, a boundary has no facets, or no dof there
+            is prescribed.
         ValueError: On all ranks, if ``about`` is not a point.
     """
     with together(bulk.comm, "reaction"):
@@ -302,22 +272,6 @@ def named_boundary(
         data = (known or given)[0]
         tags = data.boundary_tags(names)
     check_same_texts(bulk.comm, "reaction", {"boundary": tags, "about": point})
-    return data, point
-
-
-def reaction_of(bulk: Bulk, forces: Array, data: MeshData, names: Names, about: Array) -> Reaction:
-    """Sum of forces at the prescribed dofs of some boundaries (collective).
-
-    Args:
-        bulk: The bodies.
-        forces: Bulk residual plus contact forces, shape (owned dofs,) [stress length].
-        data: Mesh with the names.
-        names: Names or tags of the boundaries; a node of several of them counts once.
-        about: The point of reference, shape (dim,) [length].
-
-    Raises:
-        MeshError: On all ranks, if a boundary has no facets, or if no dof there is prescribed.
-    """
     nodes = _nodes(bulk, data.boundary_facets(names))
     dofs = bulk.space.dofs[nodes]
     prescribed = bulk.prescribed[dofs]
@@ -327,15 +281,11 @@ def reaction_of(bulk: Bulk, forces: Array, data: MeshData, names: Names, about: 
             f"body there; expected one with a Dirichlet condition: {_supported(bulk, data)}"
         )
     on_nodes = np.where(prescribed, forces[dofs], 0.0)
-    arms = bulk.positions()[nodes] - about
-    if bulk.space.dim == 3:
-        sums = np.stack([on_nodes.sum(axis=0), np.cross(arms, on_nodes).sum(axis=0)])
-        force, moment = sum_over_ranks(bulk.comm, sums)
-        return Reaction(force, moment, about)
-    moments = cross_in_plane(arms, on_nodes)
-    moment = 0.0 if bulk.space.is_axisymmetric else float(moments.sum())
-    x, y, moment = sum_over_ranks(bulk.comm, [*on_nodes.sum(axis=0), moment])
-    return Reaction(np.array([x, y]), float(moment), about)
+    arms = bulk.positions()[nodes] - point
+    moments = moments_of(arms, on_nodes).sum(axis=1) * (not bulk.space.is_axisymmetric)
+    sums = sum_over_ranks(bulk.comm, np.concatenate([on_nodes.sum(axis=0), moments]))
+    force, moment = np.split(sums, [bulk.space.dim])
+    return Reaction(force, moment if moment.size > 1 else float(moment[0]), point)
 
 
 def _point(about: Any, dim: int) -> Array:

@@ -1,54 +1,39 @@
 # SPDX-License-Identifier: MIT
-"""A solve: rigid moves, Newton's method with fallbacks, certificate.
-
-Successive solves as a load path: if loads continue, the last two states are extrapolated.
-
-A user's loop that changes loads and solves is a load path without time. The length of the next step
-follows from the loads: each prescribed value, constant and function of the forms, obstacle and
-offset has to change along its last change, all by the same ratio. The guess is the last state if
-
-- nothing changed, or loads change direction, reverse, start or stop;
-- a step is more than twice as long as the last one;
-- a law was changed;
-- the present state is not the result of the last solve;
-- the bodies have inertia.
-
-Otherwise the guess is that of ``predictor``, which compares its residual with that of the last
-state.
-"""
+"""A solve: rigid moves, Newton's method with fallbacks, certificate."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact, begin_step, commit, instants_of
-from fenics_mortar.contact.pair import Pretension
+from fenics_mortar.contact.law import BUILT_IN
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_start
-from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.predictor import (
-    Motion,
-    Predictor,
-    turn,
-    turns_of_prescribed,
-    with_followers,
-)
+from fenics_mortar.equations.predictor import Motion, turn, turns_of_prescribed, with_followers
 from fenics_mortar.equations.reduced import LinearBulk
-from fenics_mortar.newton.loop import Damped, NewtonReport, merge_repeated, solve, then_solve
+from fenics_mortar.newton.loop import (
+    Damped,
+    NewtonReport,
+    allowed_residual,
+    merge_repeated,
+    solve,
+    then_solve,
+)
+from fenics_mortar.rigid.floating import check_settled, settle
 from fenics_mortar.rigid.proximal import RIGID, solve_with_springs, solve_with_weak_springs
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array
+from fenics_mortar.utils.arrays import HALF_FACET, Array
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError, NotConvergedError, NotFiniteError, as_text
-from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
+from fenics_mortar.utils.errors import MortarError, NotConvergedError, NotFiniteError
+from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodies
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.arcs import Carried
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.equations.reduced import ReducedEquations
     from fenics_mortar.la.system import LinearSystem
@@ -84,18 +69,12 @@ class Solver:
         equations.system = create_system()
         self.linear_bulk = LinearBulk(equations, linear_bulk, prefix)
         equations.reduced_tangent = self.linear_bulk.tangent
-        self._begin_where_meshed()
-
-    def _begin_where_meshed(self) -> None:
-        """Evaluate the contacts of the undeformed mesh and set their initial gaps."""
-        equations = self._equations
-        equations.evaluate_operators()
+        equations.evaluate_operators()  # of the undeformed mesh
         for contact in equations.contacts:
             contact.set_initial_gap()
         equations.evaluate_operators()
         self.accept()
-        contacts = equations.contacts
-        self._starts = [(contact, describe_start(contact), contact.offset) for contact in contacts]
+        self._starts = [(c, describe_start(c), c.offset) for c in equations.contacts]
 
     def _describe_starts(self) -> list[str]:
         """Messages on the undeformed mesh, once; none on pairs whose offset the user has set."""
@@ -180,7 +159,7 @@ class Solver:
             e.idle.end()
             raise
         e.last_converged = True
-        accepted = [(c.accepted_partners, c.state.accepted_instant) for c in e.contacts]
+        before = e.state()
         for contact in e.contacts:
             contact.accept()
         commit(e.contacts, instants)
@@ -201,11 +180,7 @@ class Solver:
         begun = [*remarks, *self._describe_starts(), *e.crossings.led.taken(at_start)]
         report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
         if violations and not accept_violations:
-            e.last_converged = False
-            for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
-                contact.change(accepted_partners=partners, accepted_instant=instant)
-            e.bulk.history.refuse()
-            e.crossings.leave()
+            e.put(e.state().counting_slip_from(before).replaced(converged=False))
             raise _wrong_state(report, violations, moving=e.bulk.inertia is not None)
         e.crossings.accept(e.motions.obstacle_places)
         return report
@@ -223,7 +198,7 @@ class Solver:
             try:
                 moved = self._move()
                 report = self._lead_by_solution(self._solve())
-                moved += e.floating.settling.check(e.idle.reach())
+                moved += check_settled(e.floating, e.idle.reach())
                 break
             except MortarError as error:
                 if failed is not None:
@@ -241,7 +216,8 @@ class Solver:
         e = self._equations
         e.motions.follow(e.evaluate_operators)
         moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
-        moved += e.floating.settle(partial(e.idle.evaluate, e.evaluate_forces), e.idle.give_way)
+        evaluate = partial(e.idle.evaluate, e.evaluate_forces)
+        moved += settle(e.floating, evaluate, e.idle.give_way)
         e.springs.remove_springs()
         if moved:
             self._accept_moved()
@@ -249,22 +225,27 @@ class Solver:
         e.idle.find(e.evaluate_forces)
         return moved
 
-    def _lead(self, *, solved: bool) -> None:
-        """Count slip of nodes without force from where motions carry them, see ``arcs``.
+    def _led(self, *, solved: bool) -> tuple[list[Contact], Carried | None]:
+        """Pairs that depend on slip and whose bodies may turn; motions that carry their nodes.
 
         Args:
             solved: Whether all bodies have moved; else those that are prescribed.
         """
-        crossings, pairs = self._equations.crossings, self._may_be_led()
-        carried = crossings.led.carried(crossings.accepted, solved=solved) if pairs else None
+        crossings = self._equations.crossings
+        pairs = [
+            contact
+            for contact in self._equations.floating.contacts
+            if contact.pair.sliding != "small"
+            and (contact.pair.law.has_friction or contact.pair.law.needs_nodal_state)
+        ]
+        return pairs, crossings.led.carried(crossings.accepted, solved=solved) if pairs else None
+
+    def _lead(self, *, solved: bool) -> None:
+        """Count slip of nodes without force from where motions carry them, see ``arcs``."""
+        pairs, carried = self._led(solved=solved)
         if carried is not None:
             for pair in pairs:
-                pair.lead(crossings.outline, carried)
-
-    def _may_be_led(self) -> list[Contact]:
-        """Pairs that depend on slip, and whose bodies may turn."""
-        pairs = self._equations.contacts
-        return [pair for pair in pairs if isinstance(pair, Contact) and pair.may_be_led]
+                pair.lead(pair.partners, self._equations.crossings.outline, carried)
 
     def _lead_by_solution(self, report: NewtonReport) -> NewtonReport:
         """Solve again, with slip of nodes without force from where their bodies have turned to.
@@ -276,14 +257,13 @@ class Solver:
         Raises:
             NotConvergedError: On all ranks, if slip still changes after the last of these solves.
         """
-        e, pairs = self._equations, self._may_be_led()
-        led, change = e.crossings.led, 0.0
+        e, change = self._equations, 0.0
         for number in range(LED_SOLVES + 1):
-            carried = led.carried(e.crossings.accepted, solved=True) if pairs else None
+            pairs, carried = self._led(solved=True)
             if carried is None:
                 return report
             kept = [pair.partners for pair in pairs]
-            given = e.crossings.outline, carried, led.bodies
+            given = e.crossings.outline, carried, e.crossings.led.bodies
             change = agreed(e.comm, max(pair.lead_by_solution(*given) for pair in pairs))
             if change <= LED_CHANGE or number == LED_SOLVES:
                 for pair, partners in zip(pairs, kept, strict=True):
@@ -326,11 +306,8 @@ class Solver:
         turns = turns_of_prescribed(e) if may_turn else {}
         followed = with_followers(e, turns) if may_turn and follows else turns
         turned = [each for each in (followed, turns)[len(followed) == len(turns) :] if each]
-        met = [self._meets(each, start, followed=each is not turns) for each in turned]
-        clear, blocked = (
-            [m for m, is_met in zip(turned, met, strict=True) if is_met is last]
-            for last in (False, True)
-        )
+        met = [(self._meets(each, start, followed=each is not turns), each) for each in turned]
+        clear, blocked = ([each for is_met, each in met if is_met is b] for b in (False, True))
         newton, starts = self._newton(), [*clear, {}, *blocked]
         for motions in starts:
             try:
@@ -363,20 +340,16 @@ class Solver:
         try:
             report = solve(reduced, e.newton)
             reduced.finish()
-            if self._is_sound(report):
+            status = e.evaluate(start=False)
+            force = max(report.force, status.force)
+            solves = status.residual <= allowed_residual(status, force, e.newton)
+            if solves and not e.bulk.inverted_cells()[0]:
                 return report
         except NotConvergedError:
             if e.newton.tentative:
                 raise
         e.restore(start)
         return None
-
-    def _is_sound(self, report: NewtonReport) -> bool:
-        """Whether the present state solves all equations and inverts no cell (collective)."""
-        e = self._equations
-        status = e.evaluate(start=False)
-        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.roundoff
-        return status.residual <= allowed and not e.bulk.inverted_cells()[0]
 
     def _solve_anew(self, start: Any, failed: NotConvergedError) -> NewtonReport:
         """Solve on all dofs with damped steps or springs after Newton's method failed.
@@ -433,7 +406,7 @@ class Solver:
                 only rubs and the step may be cut.
         """
         e = self._equations
-        rubs = any(isinstance(c, Contact) and c.pair.law.has_friction for c in e.contacts)
+        rubs = any(contact.pair.law.has_friction for contact in e.floating.contacts)
         again = rubs and not (self._damps or self._may_cut)
         others = [(not self._damps, True)] if self._has_own_law or again else []
         # a bond about to break is left by full steps alone, and equilibrium found with derivatives
@@ -465,8 +438,7 @@ class Solver:
 
     def _softening(self) -> list[Contact]:
         """Contacts with adhesion, which may decrease with the gap."""
-        contacts = [c for c in self._equations.contacts if isinstance(c, Contact)]
-        return [c for c in contacts if c.pair.law.has_adhesion]
+        return [c for c in self._equations.floating.contacts if c.pair.law.has_adhesion]
 
     @property
     def _damps(self) -> bool:
@@ -482,8 +454,7 @@ class Solver:
     @property
     def _has_own_law(self) -> bool:
         """Whether a contact has a user's law."""
-        laws = [c.pair.law for c in self._equations.contacts if isinstance(c, Contact)]
-        return not all(law.is_of_package for law in laws)
+        return not all(type(c.pair.law) in BUILT_IN for c in self._equations.floating.contacts)
 
     def _newton(self, damped: bool | None = None) -> Callable[[], NewtonReport]:
         """Newton's method, by default as it converged last; to be called at a state."""
@@ -522,111 +493,3 @@ def _wrong_state(
     if not moving:
         advice += "solve(accept_violations=True) returns the state"
     return NotConvergedError("; ".join(filter(None, (report.reason, advice))), report)
-
-
-# Attributes of an interface's state that a user may have changed since the last solve.
-COMPARED = (
-    "z", "active", "branch", "multiplier_nodes", "partners", "accepted_partners",
-    "accepted_instant",
-)  # fmt: skip
-
-
-class Loads(NamedTuple):
-    """Values of all loads, distributed ones on this rank; laws as text."""
-
-    values: list[Array]
-    laws: list[str]
-
-
-def loads_of(e: ContactEquations) -> Loads:
-    """The present loads, in a fixed order (local)."""
-    values = [*e.bulk.input_data.loads(), *e.motions.loads]
-    values += [load.motion.load.copy() for load in e.motions.spread]
-    values += [np.array(contact.offset, float).ravel() for contact in e.contacts]
-    ties = [contact.pair for contact in e.contacts if isinstance(contact, Tie)]
-    values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]
-    return Loads(values, [as_text(c.pair.law) for c in e.contacts if isinstance(c, Contact)])
-
-
-class Continuation:
-    """The last two accepted states of a problem and their loads.
-
-    Args:
-        equations: The equations of the problem.
-    """
-
-    def __init__(self, equations: ContactEquations) -> None:
-        self._equations = equations
-        self._predictor: Predictor | None = None
-        self._past: list[Loads] = []
-        self._step = 1.0
-
-    @contextmanager
-    def attempt(
-        self, solve: Callable[[], NewtonReport], *, guess: bool
-    ) -> Iterator[Callable[[], NewtonReport]]:
-        """Context of a solve, from a guess if loads continue, else from the present state.
-
-        The state at its end is accepted. Collective.
-
-        Args:
-            solve: Function that solves from the present state.
-            guess: Whether to guess; never for bodies in motion, which have forces beyond the forms.
-
-        Yields:
-            Function that returns the record, see ``Predictor.attempt``.
-        """
-        guess &= self._equations.bulk.inertia is None
-        if not (self._past and guess and self._is_last_state()):
-            self._past = []
-        if not guess:
-            yield solve
-            return
-        loads = loads_of(self._equations)
-        ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
-        step = self._step * ratio if ratio else 1.0
-        if self._predictor is None or not self._past:
-            yield solve
-            self._predictor = self._predictor or Predictor(self._equations, 0.0)
-            self._predictor.begin(0.0)
-        else:
-            time = self._predictor.time + step
-            with self._predictor.attempt(time, solve, guesses=ratio > 0.0) as finish:
-                yield finish
-        self._past, self._step = [*self._past[-1:], loads], step
-
-    def _is_last_state(self) -> bool:
-        """Whether the present state is the result of the last solve (collective)."""
-        assert self._predictor is not None
-        equations, last = self._equations, self._predictor.last
-        history = equations.bulk.history.values
-        same = np.array_equal(equations.bulk.u.x.array, last.u) and all(
-            getattr(contact.state, name) is getattr(interface, name)
-            for contact, interface in zip(equations.contacts, last.interfaces, strict=True)
-            for name in COMPARED
-        )
-        found = equations.motions.found
-        same &= np.array_equal(history.accepted, last.history.accepted)
-        same &= np.array_equal(equations.motions.places[found], last.places[found])
-        return on_all_ranks(equations.comm, same)
-
-    def _ratio(self, loads: Loads) -> float:
-        """Length of the next load step over that of the last [1]; 0.0 if loads do not continue.
-
-        Collective.
-        """
-        before, last = self._past
-        parts = []
-        for a, b, c in zip(before.values, last.values, loads.values, strict=True):
-            done, next_ = b - a, c - b
-            parts.append((done @ done, done @ next_, next_ @ next_, a @ a + b @ b + c @ c))
-        sums = sum_over_ranks(self._equations.comm, np.reshape(parts, (-1, 4)))
-        sums[:, :3] *= sums[:, :3].max(axis=1, keepdims=True) > ROUNDING**2 * sums[:, 3:]
-        done2, product, next2, _ = sums.T
-        if before.laws != loads.laws or last.laws != loads.laws or not done2.any():
-            return 0.0
-        first = np.flatnonzero(done2)[0]
-        ratio = float(product[first] / done2[first])
-        aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
-        continues = 0.0 < ratio <= EQUATIONS.longest * (1.0 + ROUNDING)
-        return ratio if continues and (aside2 <= EQUATIONS.same_direction**2 * next2).all() else 0.0

@@ -20,21 +20,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_mortar.interface.surfaces import (
-    CurveRoles,
-    Surface,
-    facets_of_all_ranks,
-    outward_nodes,
-    place_of_nodes,
-    shape_integrals,
-)
+from fenics_mortar.interface import surfaces
+from fenics_mortar.interface.surfaces import CurveRoles, Surface
 from fenics_mortar.mesh.space import input_nodes
-from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, angles_between, norms
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, angles_between
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
-    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
+    from fenics_mortar.utils.arrays import Array, Indices, Numbers
 
 # Turn of the outline to the right from which on it folds back, as round the tip of a crack
 # [radian]: the faces enclose an angle below 30 degrees and face each other; the average of their
@@ -183,48 +177,9 @@ class Curve(Surface):
     roles: CurveRoles | None = None
 
     @cached_property
-    def degree(self) -> int:
-        """Polynomial degree of the facets."""
-        return self.facets.shape[1] - 1
-
-    @property
-    def corners(self) -> Indices:
-        """See ``Surface``."""
-        return self.facets[:, [0, -1]]
-
-    @cached_property
-    def inner(self) -> Flags:
-        """Whether a node lies inside a facet, shape (n,)."""
-        inner = np.zeros(self.num_nodes, bool)
-        inner[self.facets[:, 1:-1]] = True
-        return inner
-
-    @cached_property
-    def lengths(self) -> Array:
-        """Reference lengths of the facets, shape (m,) [length]."""
-        return shape_integrals(self.X[self.facets]).sum(axis=1)
-
-    @cached_property
-    def between_corners(self) -> tuple[Indices, Indices, Array]:
-        """See ``Surface``: the ends of a facet have the same weight."""
-        inner = self.facets[:, 1:-1].ravel()
-        ends = self.corners[: inner.size]  # none if facets have two nodes
-        return inner, ends, np.full((inner.size, 1), 0.5)
-
-    @property
-    def facet_sizes(self) -> Array:
-        """See ``Surface``: lengths."""
-        return self.lengths
-
-    def distortions(self, u: Array) -> Array:
-        """See ``Surface``: of both ends."""
-        change = u[self.facets[:, -1]] - u[self.facets[:, 0]]
-        return np.asarray(norms(change) / self.lengths)
-
-    @cached_property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
-        return self.on_nodes(shape_integrals(self.X[self.facets]))
+        return self.on_nodes(self.measures)
 
     @cached_property
     def near_dofs(self) -> Indices:
@@ -242,26 +197,13 @@ class Curve(Surface):
         return self.along(np.arange(self.num_nodes), range(-self.degree, self.degree + 1))
 
     @cached_property
-    def _areas(self) -> Array:
-        """Integrals of the shape functions times the thickness over the facets, (m, K)."""
-        assert self.thickness is not None
-        return shape_integrals(self.X[self.facets], self.thickness.at(self.X)[self.facets])
-
-    @cached_property
-    def full_cover(self) -> Array:
-        """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
-        if self.thickness is None:
-            return self.nodal_lengths
-        return self.on_nodes(self._areas)
-
-    @cached_property
     def mean_thickness(self) -> Array | float:
         """Mean thickness of the facets at each node, undeformed, (n,) [length]; 1.0 without one."""
         if self.thickness is None:
             return 1.0
         sums = np.zeros((2, self.num_nodes))
-        for total, of_facets in zip(sums, (self._areas.sum(axis=1), self.lengths), strict=True):
-            np.add.at(total, self.facets, of_facets[:, None])
+        for total, of_facets in zip(sums, (self.areas, self.measures), strict=True):
+            np.add.at(total, self.facets, of_facets.sum(axis=1)[:, None])
         return np.asarray(sums[0] / sums[1])
 
     @cached_property
@@ -337,7 +279,8 @@ def extract_curve(space: DisplacementSpace, facets: Numbers, name: str) -> Curve
     """
     V, names = space.V, input_nodes(space.V)
     given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
-    nodes, X, given, of_facets = facets_of_all_ranks(V, outward_nodes(V, facets), given)
+    mine = surfaces.outward_nodes(V, facets)
+    nodes, X, given, of_facets = surfaces.facets_of_all_ranks(V, mine, given)
     _check_facets(of_facets, X, given, name)
     order, of_facets, previous, following = order_curves(of_facets, X, name)
     thickness = space.thickness.at_nodes(X[order], V.mesh.comm) if space.thickness else None
@@ -348,5 +291,5 @@ def extract_curve(space: DisplacementSpace, facets: Numbers, name: str) -> Curve
         previous=previous,
         following=following,
         thickness=thickness,
-        **place_of_nodes(space, nodes[order]),
+        **surfaces.place_of_nodes(space, nodes[order]),
     )

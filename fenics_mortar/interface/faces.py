@@ -16,25 +16,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fenics_mortar.interface import surfaces
 from fenics_mortar.interface.corners import SharpEdges
-from fenics_mortar.interface.reference import CORNERS, linear_values
-from fenics_mortar.interface.surfaces import (
-    FaceRoles,
-    Surface,
-    facets_of_all_ranks,
-    outward_nodes,
-    place_of_nodes,
-    shape_integrals,
-)
-from fenics_mortar.kernels.space.normals import facets_around, find_rings
+from fenics_mortar.interface.reference import CORNERS, covers
+from fenics_mortar.interface.surfaces import FaceRoles, Surface
+from fenics_mortar.kernels.space.normals import facets_around, find_rings, padded
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
-# Degree of the facets by their number of nodes.
-DEGREES = {3: 1, 4: 1, 6: 2, 9: 2}
 # Area of a facet over the square of its longest edge [1] below which it has no normal.
 MIN_AREA = 1e-12
 
@@ -51,23 +43,6 @@ class Faces(Surface):
     is_open: Flags
     roles: FaceRoles | None = None
 
-    @property
-    def degree(self) -> int:
-        """See ``Surface``."""
-        return DEGREES[self.facets.shape[1]]
-
-    @property
-    def corners(self) -> Indices:
-        """See ``Surface``: counter-clockwise."""
-        return self.facets[:, : CORNERS[self.facets.shape[1]]]
-
-    @cached_property
-    def inner(self) -> Flags:
-        """Whether a node is no corner of a facet, shape (n,), bool."""
-        inner = np.zeros(self.num_nodes, bool)
-        inner[self.facets[:, CORNERS[self.facets.shape[1]] :]] = True
-        return inner
-
     @cached_property
     def around(self) -> tuple[Indices, Indices, Indices]:
         """Facets at each node: starts (n + 1,), their numbers and places of the node, (e,) each."""
@@ -80,7 +55,7 @@ class Faces(Surface):
 
     @cached_property
     def stencil(self) -> Indices:
-        """See ``Surface``."""
+        """Nodes on which the normal of each node depends, -1 for none, shape (n, s)."""
         return find_rings(self.facets, self.num_nodes)
 
     @cached_property
@@ -91,16 +66,6 @@ class Faces(Surface):
         pairs = np.unique(np.stack([i, j])[:, i != j], axis=1)
         return padded(pairs[0], pairs[1], self.num_nodes)
 
-    @cached_property
-    def shape_integrals(self) -> Array:
-        """Integrals of the shape functions over the undeformed facets, shape (m, K) [area]."""
-        return shape_integrals(self.X[self.facets])
-
-    @cached_property
-    def full_cover(self) -> Array:
-        """See ``Surface``; of corners of triangles with six nodes, those of linear functions."""
-        return self.on_nodes(covers(self.shape_integrals))
-
     @property
     def nodal_areas(self) -> Array:
         """See ``Surface``: ``full_cover``, which is positive, scaled to the area of each facet.
@@ -108,51 +73,19 @@ class Faces(Surface):
         Those of a facet with nine nodes are 1, 4 and 16 of 36 parts of its area, with six nodes
         equal parts.
         """
-        parts, areas = covers(self.shape_integrals), self.shape_integrals.sum(axis=1)
+        parts, areas = covers(self.measures), self.measures.sum(axis=1)
         return self.on_nodes(parts * (areas / parts.sum(axis=1))[:, None])
 
     @cached_property
-    def weightless(self) -> Flags:
-        """See ``Surface``: none, since corners without weight carry linear functions."""
-        return np.zeros(self.num_nodes, bool)
-
-    @cached_property
     def nodal_lengths(self) -> Array:
-        """See ``Surface``: root of the share of a node in the area of its facets."""
+        """Root of the share of each node in the area of its facets, shape (n,) [length]."""
         equal = np.full(self.facets.shape[1], 1.0 / self.facets.shape[1])
-        return np.sqrt(self.on_nodes(self.shape_integrals.sum(axis=1)[:, None] * equal))
-
-    @cached_property
-    def between_corners(self) -> tuple[Indices, Indices, Array]:
-        """See ``Surface``: corners of a facet by the values of linear functions, shape (k, 4)."""
-        size = self.facets.shape[1]
-        count = CORNERS[size]
-        inner = self.facets[:, count:].ravel()
-        weights = np.zeros((size - count, 4))
-        weights[:, :count] = linear_values(size)[count:]
-        ends = np.repeat(self.facets[:, [0, 1, 2, count - 1]], size - count, axis=0)
-        return inner, ends, np.tile(weights, (len(self.facets), 1))
-
-    @cached_property
-    def facet_sizes(self) -> Array:
-        """See ``Surface``: roots of areas."""
-        return np.sqrt(self.facet_areas)
-
-    def distortions(self, u: Array) -> Array:
-        """See ``Surface``: the largest one of neighbouring corners."""
-        corners = u[self.corners]
-        change = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        return np.asarray(change.max(axis=1, initial=0.0) / self.facet_sizes)
+        return np.sqrt(self.on_nodes(self.measures.sum(axis=1)[:, None] * equal))
 
     @property
     def mean_thickness(self) -> Array:
-        """See ``Surface``: an area is the product of two lengths."""
+        """Areas over lengths of the nodes, lengths again, shape (n,) [length]."""
         return self.nodal_lengths
-
-    @cached_property
-    def facet_areas(self) -> Array:
-        """Areas of the undeformed facets, shape (m,) [area]."""
-        return np.asarray(self.shape_integrals.sum(axis=1))
 
     @cached_property
     def distortion(self) -> tuple[float, float]:
@@ -174,30 +107,6 @@ class Faces(Surface):
         return self
 
 
-def padded(rows: Indices, values: Indices, count: int) -> Indices:
-    """Values by rows, in order, -1 for none, shape (count, largest number of values).
-
-    ``rows`` (k,) ascend; ``values`` has the same shape.
-    """
-    starts = np.searchsorted(rows, np.arange(count + 1))
-    table = np.full((count, max(1, int(np.diff(starts).max(initial=0)))), -1)
-    table[rows, np.arange(rows.size) - starts[rows]] = values
-    return table
-
-
-def covers(integrals: Array) -> Array:
-    """Positive integrals [area] at the nodes of facets, for those of their shape functions (f, K).
-
-    At the corners of triangles with six nodes, where these are zero, those of the linear functions.
-    """
-    size = integrals.shape[1]
-    if size != 6:
-        return integrals
-    positive = integrals.copy()
-    positive[:, :3] = integrals @ linear_values(size)
-    return positive
-
-
 def extract_faces(space: DisplacementSpace, of_mesh: Numbers, name: str) -> Faces:
     """Extract facets (collective).
 
@@ -211,8 +120,8 @@ def extract_faces(space: DisplacementSpace, of_mesh: Numbers, name: str) -> Face
             meet at an edge.
     """
     V = space.V
-    mine = outward_nodes(V, of_mesh)
-    nodes, X, names, facets = facets_of_all_ranks(V, mine, input_nodes(V))
+    mine = surfaces.outward_nodes(V, of_mesh)
+    nodes, X, names, facets = surfaces.facets_of_all_ranks(V, mine, input_nodes(V))
     if not facets.size:
         raise SurfaceError(f"surface '{name}' has no facets")
     order = np.lexsort(names.T[::-1])
@@ -221,7 +130,8 @@ def extract_faces(space: DisplacementSpace, of_mesh: Numbers, name: str) -> Face
     nodes, X, facets = nodes[order], X[order], _ordered(place[facets])
     is_open = _rim(facets, X, name)
     _check_areas(X[facets], name)
-    return Faces(name=name, X=X, facets=facets, is_open=is_open, **place_of_nodes(space, nodes))
+    of_nodes = surfaces.place_of_nodes(space, nodes)
+    return Faces(name=name, X=X, facets=facets, is_open=is_open, **of_nodes)
 
 
 def _ordered(facets: Indices) -> Indices:
@@ -269,7 +179,7 @@ def _check_areas(x: Array, name: str) -> None:
     Raises:
         SurfaceError: If there is one.
     """
-    areas = shape_integrals(x).sum(axis=1)
+    areas = surfaces.shape_integrals(x).sum(axis=1)
     sizes = np.ptp(x, axis=1).max(axis=1)
     flat = np.flatnonzero(~(areas > MIN_AREA * sizes**2))
     if flat.size:

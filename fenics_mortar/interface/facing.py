@@ -15,15 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fenics_mortar.interface import reference
 from fenics_mortar.interface.integrals import PlaneOperators, Segments, WholeFacets
-from fenics_mortar.interface.reference import (
-    CORNERS,
-    face_rule,
-    gauss_rule,
-    linear_values,
-    positive_functions,
-    tabulate,
-)
 from fenics_mortar.interface.space_mortar import FacetPairs
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import listed_points
@@ -37,7 +30,7 @@ if TYPE_CHECKING:
 
 Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
-GAUSS: Rule = gauss_rule(4)
+GAUSS: Rule = reference.gauss_rule(4)
 ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
 # Number of points whose nearest facets are searched at a time, to limit memory.
 BATCH = 2000
@@ -132,7 +125,7 @@ def rule_of(segments: Segments | WholeFacets) -> Rule:
     """Points and weights on each segment, in space on each whole facet [1] (local)."""
     if isinstance(segments, WholeFacets):
         size = segments.slave.shape[1]
-        return face_rule(size, LINEAR if size < 6 else QUADRATIC)
+        return reference.face_rule(size, LINEAR if size < 6 else QUADRATIC)
     return GAUSS
 
 
@@ -141,7 +134,7 @@ def points_of(segments: Segments | WholeFacets, rule: Rule = GAUSS) -> Points:
     if isinstance(segments, WholeFacets):
         count, size = segments.slave.shape
         points, weights = rule_of(segments)
-        table = np.tile(tabulate(points, size), (count, 1, 1, 1))
+        table = np.tile(reference.tabulate(points, size), (count, 1, 1, 1))
         coordinates, w = np.tile(points, (count, 1, 1)), np.tile(weights, (count, 1))
         at = segments.facets, segments.slave, coordinates, w
         return Points(*at, table[:, :, 0], table[:, :, 1:])
@@ -158,8 +151,8 @@ def with_weight(points: Points, *, at_vertices: bool) -> Points:
     if points.slave.shape[1] != 6:
         return points
     if not at_vertices:
-        return replace(points, shape=points.shape @ positive_functions().T)
-    linear = linear_values(6)
+        return replace(points, shape=points.shape @ reference.positive_functions().T)
+    linear = reference.linear_values(6)
     corners = points.slave[:, : linear.shape[1]]
     return replace(points, slave=corners, shape=points.shape @ linear)
 
@@ -362,7 +355,7 @@ def nearest_points(
         return np.empty((0, 3), np.int64), np.empty((0, 3))
     from scipy.spatial import cKDTree  # 50 ms, for solids only
 
-    corners = surface.facets[:, : CORNERS[surface.facets.shape[1]]]
+    corners = surface.facets[:, : reference.CORNERS[surface.facets.shape[1]]]
     if node is None:
         used = np.unique(corners)
         node = used[cKDTree(m[used]).query(x)[1]]

@@ -47,10 +47,9 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization,
 from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule, hand_over
 from fenics_mortar.kernels import points as point_kernels
 from fenics_mortar.kernels import projection, search
-from fenics_mortar.kernels.blocks import weigh_derivatives
 from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 from fenics_mortar.kernels.space import normals as space_normals
-from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, read_only_view, summed
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -131,11 +130,6 @@ class Segments:
         """Number of segments."""
         return self.slave.shape[0]
 
-    @property
-    def rule(self) -> tuple[Array, Array, Indices]:
-        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels [1]."""
-        return self.points, self.weights, self.spans
-
 
 @clock("search")
 def find_segments(
@@ -171,11 +165,12 @@ def find_segments(
     if integration == "segments":
         roles = slave.roles.of(facets) if slave.roles else None
         sight = (behind[:3], behind.outline, ROUNDING)
-        arguments = *search_for, *sight, limits, roles, slave.functions_move
-        (offsets, masters, fixed, ends), couples = search.find_segments_within(*arguments)
+        offsets, masters, fixed, ends, couples = search.find_segments(
+            *search_for, *sight, limits, roles, slave.functions_move
+        )
         spans = np.empty(ends.shape, np.int64)
         spans[:] = 0, points
-        rules = _Rules(ends, fixed, *gauss_rule(points), spans)
+        rules = ends, fixed, *gauss_rule(points), spans
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
@@ -221,20 +216,13 @@ class WholeFacets:
         return np.empty((0, 2), np.int64)
 
 
-class _Rules(NamedTuple):
-    """Ends and quadrature of segments on their slave facets; see ``Segments``."""
-
-    ends: Array
-    end_is_fixed: Flags
-    points: Array
-    weights: Array
-    spans: Indices
-
-
 def _runs(
     search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
-) -> tuple[Indices, Indices, _Rules]:
-    """Offsets, master facets and quadrature of runs of points of the rule ``xi``, ``w``."""
+) -> tuple[Indices, Indices, tuple[Any, ...]]:
+    """Offsets, master facets and quadrature of runs of points of the rule ``xi``, ``w``.
+
+    The latter are ends, whether they are fixed, points, weights and spans, see ``Segments``.
+    """
     offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
@@ -244,7 +232,7 @@ def _runs(
     centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
     s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
     spans = np.stack([starts, stops], axis=1)
-    return offsets, masters, _Rules(ends, np.ones(ends.shape, bool), s, weights, spans)
+    return offsets, masters, (ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
 Weighting = Literal["opposite", "unit", "own"]
@@ -385,12 +373,10 @@ def choose_facets(given: MortarInput) -> tuple[Indices, Any, tuple[Array, Array]
     used, links = given.multiplier_nodes[slave.facets].any(axis=1), None
     if options.corners:
         at = given.x, given.master, given.m
-        in_plane = slave.dim == 2
-        links, alone = (
-            links_at_corners(slave, *at)
-            if in_plane
-            else slave.sharp_edges.choose(*at, options.radius)
-        )
+        if slave.dim == 2:
+            links, alone = links_at_corners(slave, *at)
+        else:
+            links, alone = slave.sharp_edges.choose(*at, options.radius)
         used &= ~alone
     share = share_of(used.nonzero()[0], slave.comm)
     if searched is not None and np.array_equal(searched.segments.facets, share):
@@ -417,14 +403,9 @@ class PlaneOperators(MortarOperators):
     @cached_property
     def columns(self) -> Indices:
         """Displacement dofs of the columns of each segment, shape (n, C); -1 where none."""
-        on_slave = self.slave.near_dofs[self.segments.slave[:, 0]]
-        return np.concatenate([on_slave, self.master_dofs], axis=1)
-
-    @cached_property
-    def master_dofs(self) -> Indices:
-        """Displacement dofs of the master nodes of each segment, shape (n, 2 K)."""
-        masters = self.segments.master
-        return self.master.dofs[masters].reshape(len(masters), 2 * masters.shape[1])
+        s = self.segments
+        of_master = self.master.dofs[s.master].reshape(len(s.master), 2 * s.master.shape[1])
+        return np.concatenate([self.slave.near_dofs[s.slave[:, 0]], of_master], axis=1)
 
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
         """Gaps at points of segments, along the normals of this state (local).
@@ -442,25 +423,15 @@ class PlaneOperators(MortarOperators):
         return gaps
 
     def slave_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
-        """See ``MortarOperators``."""
-        s = self.segments
-        rows = self.slave.dofs if dofs is None else dofs
-        rows = rows[s.slave].reshape(len(s.slave), s.slave.shape[1] * z.shape[1])
-        values = np.empty((*rows.shape, self.dD.shape[3]))
-        z = read_only_view(z) if z.flags.writeable else z
-        weigh_derivatives(self.dD, np.arange(len(rows)), s.slave, z, 1.0, values)
-        return Block(rows, self.columns, values)
+        """Block of d(D^T z)/dd [stress] at fixed ``z`` of c components (local)."""
+        nodes, dofs = self.segments.slave, self.slave.dofs if dofs is None else dofs
+        return _force_block(self.dD, z[nodes], dofs[nodes], self.columns)
 
     def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
-        """See ``MortarOperators``."""
-        i, k = np.ascontiguousarray(self.segments.pairs.T)
-        rows = self.master.dofs if dofs is None else dofs
-        nodes = self.segments.master[i]
-        rows = rows[nodes].reshape(len(i), nodes.shape[1] * z.shape[1])
-        values = np.empty((*rows.shape, self.dM.shape[3]))
-        z = read_only_view(z) if z.flags.writeable else z
-        weigh_derivatives(self.dM, i, self.segments.slave, z, -1.0, values)
-        return Block(rows, self.columns[k], values)
+        """Block of -d(M^T z)/dd [stress] at fixed ``z`` of c components (local)."""
+        s, (i, k) = self.segments, self.segments.pairs.T
+        dofs = self.master.dofs if dofs is None else dofs
+        return _force_block(self.dM, -z[s.slave[i]], dofs[s.master[i]], self.columns[k])
 
     def weight_derivative(self) -> list[Block]:
         """Blocks of dw/dd [1], w = row sums of D; rows: slave nodes, columns: displacement dofs."""
@@ -493,7 +464,7 @@ class PlaneOperators(MortarOperators):
         ]
 
     def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
-        """See ``MortarOperators``."""
+        """Blocks of d(D v - M w)/dd at constant nodal values of a scalar field (local)."""
         s = self.segments
         if self.linearization.frozen:
             return []
@@ -511,13 +482,29 @@ class PlaneOperators(MortarOperators):
         return replace(self, linearization=LINEARIZATIONS["frozen"], **at_rest)
 
     def minus_offset(self, offset: Array) -> Self:
-        """See ``MortarOperators``."""
+        """Operators for the gap minus an offset, interpolated between nodes (collective)."""
         s, nodes = self.segments, self.facet_nodes
         change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
         nodal = summed(change.ravel(), nodes.ravel(), self.slave.num_nodes)
         nodal = sum_over_ranks(self.slave.comm, nodal)
         derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
         return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
+
+
+def _force_block(dX: Array, z: Array, rows: Indices, columns: Indices) -> Block:
+    """Block of d(X^T z) at fixed ``z`` for segments or pairs of them (local).
+
+    Args:
+        dX: Derivatives of D or M, shape (p, K, K', C) [1].
+        z: Multipliers of a components at the slave nodes, shape (p, K, a) [stress].
+        rows: Rows of the other nodes, shape (p, K', a).
+        columns: Columns, shape (p, C).
+    """
+    (count, size, others, width), parts = dX.shape, z.shape[2]
+    by_part = np.swapaxes(z, 1, 2) @ dX.reshape(count, size, others * width)
+    values = np.swapaxes(by_part.reshape(count, parts, others, width), 1, 2)
+    shape = count, others * parts
+    return Block(rows.reshape(shape), columns, values.reshape(*shape, width))
 
 
 def share_of(items: Indices, comm: MPI.Comm) -> Indices:
@@ -534,25 +521,25 @@ def evaluate_mortar(given: MortarInput) -> PlaneOperators:
         s = find_segments(slave, master, x, n, m, share, options, behind)
     nodes = slave.facets[share]
     thickness = slave.thickness.for_kernels if slave.thickness else None
-    weights = _hand_over(slave, s, x, multiplier_nodes, thickness)
+    if nodes.shape[1] > 2:
+        multiplier_nodes = multiplier_nodes & _covered(slave, s, x, thickness)
+    weights = hand_over(multiplier_nodes[nodes])
     D, dD, M, dM, gap, dgap, cover = integrate_segments(
         s, nodes, (x, n, dn, m), weights, (*options.kinds, linearization.segments), thickness
     )
     if options.integration == "nodes":
         D[weights == 0.0] = 0.0  # remove rounding
-    diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
     count = len(s.slave)
-    num_segments = count if slave.comm.size == 1 else slave.comm.allreduce(count)
     return PlaneOperators(
         slave=slave, master=master, x=x, m=m, n=n, dn=dn, segments=s, D=D, M=M, dD=dD, dM=dM,
-        dgap=dgap, diagonal=diagonal, gap=gap, cover=cover, weight=weight,
-        num_segments=num_segments, linearization=linearization,
+        dgap=dgap, **sum_over_facets(slave, nodes, D, gap, cover), linearization=linearization,
+        num_segments=count if slave.comm.size == 1 else slave.comm.allreduce(count),
     )  # fmt: skip
 
 
 def sum_over_facets(
     slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
-) -> tuple[Array, Array, Array, Array]:
+) -> dict[str, Array]:
     """Assemble integrals of facets at the slave nodes, over all ranks (collective).
 
     Args:
@@ -563,7 +550,7 @@ def sum_over_facets(
         cover: Integrals of N over the covered parts, shape (f, K) [length].
 
     Returns:
-        Diagonal of D, weighted gap, cover and row sum of D, each (slave nodes,).
+        ``diagonal``, ``gap``, ``cover`` and ``weight`` of ``MortarOperators``.
     """
     count = slave.num_nodes
     on_facets = np.empty((4, *nodes.shape))
@@ -574,7 +561,7 @@ def sum_over_facets(
     nodal = sums.reshape(4, count)
     if slave.comm.size > 1 or not nodes.size:  # numpy's sums of nothing are integers
         nodal = sum_over_ranks(slave.comm, nodal)
-    return nodal[0], nodal[1], nodal[2], nodal[3]
+    return dict(zip(("diagonal", "gap", "cover", "weight"), nodal, strict=True))
 
 
 def integrate_segments(
@@ -595,39 +582,20 @@ def integrate_segments(
         options: Basis, weights of the gap, and whether the ends of segments have derivatives.
         thickness: See ``kernels.points``.
     """
-    (number, size), count, kind = nodes.shape, len(s.slave), geometry[0].dtype
-    columns = 8 * size - 4
-    D, M = np.zeros((number, size, size), kind), np.empty((count, size, size), kind)
-    g, cover = np.zeros((number, size), kind), np.zeros((number, size), kind)
-    dD, dg = np.empty((count, size**2, columns), kind), np.empty((count, size, columns), kind)
-    dM = np.empty((len(s.pairs), size**2, columns), kind)
-    point_kernels.integrate_segments(
+    return point_kernels.integrate_segments(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, (s.points, s.weights, s.spans), options, (D, M, g, cover), (dD, dM, dg),
-        thickness,
+        s.pair_offsets, (s.points, s.weights, s.spans), options, thickness,
     )  # fmt: skip
-    shape = size, size, columns
-    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
-def _hand_over(
-    slave: Curve,
-    s: Segments,
-    x: Array,
-    multiplier_nodes: Flags,
-    thickness: tuple[Array, float] | None,
-) -> Array:
-    """Hand-over H of the facets of this share, shape (f, K, K) (collective).
+def _covered(slave: Curve, s: Segments, x: Array, thickness: tuple[Array, float] | None) -> Flags:
+    """Whether the integral of a node's shape function is positive, (slave nodes,) (collective).
 
-    If the cover ends inside a quadratic facet, the integral of the shape function of the far node
-    can be negative. Such a node carries no multiplier: its function is handed over to its
-    neighbour, without a jump.
+    If the cover ends inside a quadratic facet, that of the far node can be negative. Such a node
+    carries no multiplier: its function is handed over to its neighbour, without a jump.
     """
-    nodes = slave.facets[s.facets]
-    if nodes.shape[1] > 2:
-        cover = np.empty(nodes.shape)
-        point_kernels.tabulate_covers(x, nodes, s.ends, s.offsets, s.rule, cover, thickness)
-        nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
-        nodal = sum_over_ranks(slave.comm, nodal)
-        multiplier_nodes = multiplier_nodes & (nodal > 0.0)
-    return hand_over(multiplier_nodes[nodes])
+    nodes, rule = slave.facets[s.facets], (s.points, s.weights, s.spans)
+    cover = np.empty(nodes.shape)
+    point_kernels.tabulate_covers(x, nodes, s.ends, s.offsets, rule, cover, thickness)
+    nodal = summed(cover.ravel(), nodes.ravel(), slave.num_nodes)
+    return np.asarray(sum_over_ranks(slave.comm, nodal) > 0.0)

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.interface.faces import covers
+from fenics_mortar.interface import reference
 from fenics_mortar.interface.integrals import (
     MortarInput,
     MortarOptions,
@@ -37,14 +37,6 @@ from fenics_mortar.interface.integrals import (
     WholeFacets,
     share_of,
     sum_over_facets,
-)
-from fenics_mortar.interface.reference import (
-    COMBINED,
-    face_rule,
-    facet_rule,
-    hand_over,
-    sample_points,
-    tabulate,
 )
 from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.kernels import facets
@@ -105,8 +97,8 @@ def on_facets(given: Any, x: Array, nodes: Indices, rule: tuple[Array, Array]) -
     slave, options, thickness = given.slave, given.options, None
     if slave.thickness is not None:
         thickness = slave.thickness.at(x)[nodes], slave.thickness.by_x
-    functions = hand_over(given.multiplier_nodes[nodes], slave.dim, options.basis)
-    T = tabulate(rule[0], nodes.shape[1])
+    functions = reference.hand_over(given.multiplier_nodes[nodes], slave.dim, options.basis)
+    T = reference.tabulate(rule[0], nodes.shape[1])
     return OnFacets(x[nodes], functions, T, rule[1], options.kinds, thickness)
 
 
@@ -187,7 +179,7 @@ def points_of(x: Array, points: Array) -> Array:
 
     ``points``: as those of ``whole_rule``.
     """
-    return np.einsum("kp,ekc->epc", tabulate(points, x.shape[1])[:, 0].T, x)
+    return np.einsum("kp,ekc->epc", reference.tabulate(points, x.shape[1])[:, 0].T, x)
 
 
 def gaps_along(given: OnFacets, distances: Array) -> Array:
@@ -214,8 +206,8 @@ def gaps_along(given: OnFacets, distances: Array) -> Array:
 def whole_rule(options: MortarOptions, degree: int, size: int) -> tuple[Array, Array]:
     """Points and weights of whole facets of ``size`` nodes; see ``facet_rule`` (local)."""
     if size == degree + 1:  # in the plane
-        return facet_rule(options.integration, size, options.points)
-    return face_rule(size, options.points)
+        return reference.facet_rule(options.integration, size, options.points)
+    return reference.face_rule(size, options.points)
 
 
 def obstacle_normals(
@@ -300,7 +292,7 @@ class ObstacleOperators(PlaneOperators):
         return np.asarray(self.slave.dofs_of(self.facet_nodes))
 
     def normal_columns(self) -> Indices:
-        """See ``MortarOperators``."""
+        """Displacement dofs of the columns of ``dn``, shape (slave nodes, c)."""
         return super().normal_columns() if self.slave.dim == 2 else np.asarray(self.slave.dofs)
 
     def freeze(self) -> Self:
@@ -393,7 +385,7 @@ class ObstacleOperators(PlaneOperators):
             Distances (f,) and places on the slave (f, 3), both [length].
         """
         s, x = self.segments, self.x + offset[:, None] * self.n
-        points = sample_points(s.slave.shape[1])
+        points = reference.sample_points(s.slave.shape[1])
         gaps = self.sample_gaps(x, s, points)
         deepest = np.arange(len(gaps)), gaps.argmin(axis=1)
         return gaps[deepest], points_of(x[s.slave], points)[deepest]
@@ -427,13 +419,13 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
     if not linearization.normals:
         dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
     D, dD, gap, dgap, by_motions, cover = of_facets
-    cover = cover if dim == 2 else covers(cover)
+    cover = cover if dim == 2 else reference.covers(cover)
     nodes, V = slave.facets[facets], obstacle.motions(x, arm)
     if linearization.frozen:
         by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
-    diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, cover)
-    if dim == 3 and options.basis in COMBINED:  # see ``space_mortar``
-        diagonal = weight
+    sums = sum_over_facets(slave, nodes, D, gap, cover)
+    if dim == 3 and options.basis in reference.COMBINED:  # see ``space_mortar``
+        sums["diagonal"] = sums["weight"]
     dgap_dq = np.zeros(V.shape[:2])
     np.add.at(dgap_dq, nodes, by_motions)
     dgap_dq = sum_over_ranks(slave.comm, dgap_dq)
@@ -443,9 +435,9 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
     return ObstacleOperators(
         slave=slave, master=master, x=x, m=master.X, n=n, dn=dn,
         segments=segments, D=D, M=np.zeros((count, size, 0)), dD=dD,
-        dM=np.zeros((0, size, 0, columns)), dgap=dgap, diagonal=diagonal, gap=gap, cover=cover,
-        weight=weight, num_segments=slave.comm.allreduce(count), linearization=linearization,
-        obstacle=obstacle, arm=arm, phi=phi, V=V, dn_dq=dn_dq, dgap_dq=dgap_dq,
+        dM=np.zeros((0, size, 0, columns)), dgap=dgap, **sums,
+        num_segments=slave.comm.allreduce(count), linearization=linearization, obstacle=obstacle,
+        arm=arm, phi=phi, V=V, dn_dq=dn_dq, dgap_dq=dgap_dq,
     )  # fmt: skip
 
 

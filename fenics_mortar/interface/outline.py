@@ -33,8 +33,8 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.interface import surfaces
 from fenics_mortar.interface.integrals import BodiesBehind
-from fenics_mortar.interface.surfaces import facets_of_all_ranks, outward_nodes, replicate
 from fenics_mortar.kernels import sight
 from fenics_mortar.kernels.space import inside as space_sight
 from fenics_mortar.kernels.space.normals import facets_around
@@ -92,7 +92,7 @@ class Outline:
 
     def gather(self, values: Array) -> Array:
         """Gather nodal values (n, 2) of an array of all local dofs [its unit] (collective)."""
-        return replicate(values[self.local_dofs], self.owners, self.comm)
+        return surfaces.replicate(values[self.local_dofs], self.owners, self.comm)
 
     def lengths(self, x: Array) -> Array:
         """Chords of the facets that contain the segments, nodes at ``x`` (n, 2): (m,) [length]."""
@@ -189,17 +189,17 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
-    at, facets, of_ranks = exterior_facets(space, labels, bodies)
+    at, facets = exterior_facets(space, labels, bodies)
     segments = np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)])
     ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))
     order = np.lexsort(segments.T[::-1])
-    along = order[spatial_order(at[0][segments[order]].mean(axis=1))]
-    return Outline(*at, segments[along], ends[along], *of_ranks, space.V.mesh.comm)
+    along = order[spatial_order(at["X"][segments[order]].mean(axis=1))]
+    return Outline(segments=segments[along], ends=ends[along], **at)
 
 
 def exterior_facets(
     space: DisplacementSpace, labels: Indices, bodies: Indices
-) -> tuple[tuple[Array, Indices, Indices], Indices, tuple[Indices, Indices]]:
+) -> tuple[dict[str, Any], Indices]:
     """The exterior facets of bodies with nodes ordered by their coordinates (collective).
 
     Args:
@@ -208,26 +208,21 @@ def exterior_facets(
         bodies: Numbers of the bodies, shape (k,).
 
     Returns:
-        ``X``, ``nodes`` and ``bodies`` of ``Outline``; nodes of the facets, shape (m, K);
-        ``owners`` and ``local_dofs``.
+        Arguments of ``Outline`` for the nodes; nodes of the facets, shape (m, K).
     """
-    V, comm = space.V, space.V.mesh.comm
-    topology, index_map, dim = V.mesh.topology, V.dofmap.index_map, space.dim
+    V, topology, dim = space.V, space.V.mesh.topology, space.dim
     topology.create_connectivity(dim - 1, dim)
     topology.create_connectivity(dim, dim - 1)
-    facets = outward_nodes(V, dmesh.exterior_facet_indices(topology))
+    facets = surfaces.outward_nodes(V, dmesh.exterior_facet_indices(topology))
     facets = facets[np.isin(labels[facets[:, 0]], bodies)]
-    nodes, X, of_bodies, facets = facets_of_all_ranks(V, facets, labels)
+    nodes, X, of_bodies, facets = surfaces.facets_of_all_ranks(V, facets, labels)
     extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
     order = np.lexsort(np.rint(X / (STEP_FACTOR * ROUNDING * extent)).T[::-1])
-    place = np.empty_like(order)
-    place[order] = np.arange(order.size)
-    X, nodes, of_bodies = X[order], nodes[order], of_bodies[order]
-    begin, end = index_map.local_range
-    starts = np.array(comm.allgather(begin))
-    owners = np.asarray(np.searchsorted(starts, nodes, side="right"), np.int64) - 1
-    owned = nodes[(nodes >= begin) & (nodes < end)]
-    return (X, nodes, of_bodies), place[facets], (owners, space.dofs[owned - begin])
+    number = np.empty_like(order)
+    number[order] = np.arange(order.size)
+    place = surfaces.place_of_nodes(space, nodes[order])
+    kept = {name: place[name] for name in ("nodes", "owners", "local_dofs", "comm")}
+    return {"X": X[order], "bodies": of_bodies[order], **kept}, number[facets]
 
 
 # Safe depth over the undeformed thickness behind a facet [1]; the depth is at most the facet's
@@ -345,7 +340,7 @@ class Hull(Outline):
         return np.arctan2(across, np.einsum("ec,ec->e", one, other))
 
     def ends_among(self, number: Indices, mine: Any) -> Indices:
-        """See ``Outline``: numbers of facets stay."""
+        """``ends`` of the segments ``mine`` (m,), bool: numbers of facets stay (local)."""
         return self.ends[mine]
 
     def are_of(self, surface: Any) -> Any:
@@ -369,8 +364,8 @@ def extract_hull(space: DisplacementSpace, labels: Indices, bodies: Indices) -> 
         labels: Body of each local node, shape (local nodes,).
         bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
-    at, facets, of_ranks = exterior_facets(space, labels, bodies)
+    at, facets = exterior_facets(space, labels, bodies)
     triangles, owner = triangles_of(facets[np.lexsort(np.sort(facets, axis=1).T[::-1])])
-    along = spatial_order(at[0][triangles[:, 0]])
-    parts = np.ascontiguousarray(triangles[along]), owner[along][:, None]
-    return Hull(*at, *parts, *of_ranks, space.V.mesh.comm)
+    along = spatial_order(at["X"][triangles[:, 0]])
+    triangles = np.ascontiguousarray(triangles[along])
+    return Hull(segments=triangles, ends=owner[along][:, None], **at)

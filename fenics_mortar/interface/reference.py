@@ -37,10 +37,16 @@ COMBINED = (*AT_VERTICES, "quadratic")
 OF_MIDDLES = 0.2
 
 
+def corner_places(size: int, dim: int) -> list[int]:
+    """Places of the corners among the ``size`` nodes of a facet, in the plane of its ends."""
+    return [0, size - 1] if dim == 2 else list(range(CORNERS[size]))
+
+
 @cache
-def linear_values(size: int) -> Array:
+def linear_values(size: int, dim: int = 3) -> Array:
     """Values of the linear functions of the corners at a facet's nodes, (size, corners) [1]."""
-    return tabulate(reference_nodes(size), CORNERS[size])[:, 0].copy()
+    nodes = np.linspace(-1.0, 1.0, size) if dim == 2 else reference_nodes(size)
+    return tabulate(nodes, len(corner_places(size, dim)))[:, 0].copy()
 
 
 @cache
@@ -158,6 +164,19 @@ def positive_functions() -> Array:
     for corner, beside in enumerate(((3, 5), (3, 4), (4, 5))):
         T[corner, beside] = OF_MIDDLES
     return T
+
+
+def covers(integrals: Array) -> Array:
+    """Positive integrals [area] at the nodes of facets, for those of their shape functions (f, K).
+
+    At the corners of triangles with six nodes, where these are zero, those of the linear functions.
+    """
+    size = integrals.shape[1]
+    if size != 6:
+        return integrals
+    positive = integrals.copy()
+    positive[:, :3] = integrals @ linear_values(size)
+    return positive
 
 
 def hand_over(multiplier_nodes: Flags, dim: int = 2, basis: Basis = "dual") -> Array:

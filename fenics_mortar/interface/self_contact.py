@@ -39,8 +39,9 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from fenics_mortar.interface.curve_surface import FOLD, Curve
-from fenics_mortar.interface.faces import Faces, padded
+from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.surfaces import CurveRoles, FaceRoles, Roles
+from fenics_mortar.kernels.space.normals import padded
 from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices, cross_in_plane
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
@@ -144,14 +145,14 @@ def in_contact_with_itself(surface: Any, may_carry: Flags) -> Any:
 def roles_of_curves(surface: Curve) -> Roles:
     """Roles of the facets of curves (local)."""
     curves = facets_by_curve(surface)
-    mean = np.array([surface.lengths[facets].mean() for facets in curves])
+    mean = np.array([surface.facet_sizes[facets].mean() for facets in curves])
     mean = np.round(np.log10(mean), DIGITS)
     keys = np.empty((len(surface.facets), 2), np.int64)
     arcs = np.empty((len(surface.facets), 3))
     first = 0
     for curve in np.argsort(mean, kind="stable"):
         facets = curves[curve]
-        along = np.concatenate([[0.0], np.cumsum(surface.lengths[facets])])
+        along = np.concatenate([[0.0], np.cumsum(surface.facet_sizes[facets])])
         closed = surface.facets[facets[0], 0] == surface.facets[facets[-1], -1]
         keys[facets, 0] = first + np.arange(facets.size)
         first += facets.size
@@ -173,7 +174,7 @@ def ends_at_junctions(surface: Curve) -> Indices:
     X = surface.X[surface.facets[facet, -end]]
     along = surface.X[surface.facets[facet, np.where(end, -2, 1)]] - X
     along /= np.hypot(*along.T)[:, None]
-    near = SAME_PLACE * surface.lengths[facet]
+    near = SAME_PLACE * surface.facet_sizes[facet]
     for i in range(facet.size):
         here = np.hypot(*(X - X[i]).T) < near
         folded = here & (along @ along[i] > -np.cos(FOLD))

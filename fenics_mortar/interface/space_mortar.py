@@ -35,20 +35,22 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.interface.faces import Faces, covers
+from fenics_mortar.interface import reference
 from fenics_mortar.interface.integrals import MortarInput, choose_facets, sum_over_facets
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
-from fenics_mortar.interface.reference import AT_VERTICES, COMBINED, Basis, functions_of, hand_over
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals, pairs
 from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.linearize import linearize_facets
+from fenics_mortar.kernels.space.normals import padded
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.faces import Faces
     from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
+    from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import FaceRoles
 
 # Least eigenvalue of a scaled mass matrix over its largest [1] whose functions are independent:
@@ -152,7 +154,10 @@ class SpaceOperators(MortarOperators):
         return np.concatenate(sides, axis=1)
 
     def near(self, nodes: Flags) -> Self:
-        """See ``MortarOperators``: nodal values and the number of segments are those of all."""
+        """Operators with the derivatives of facets with some of these nodes (local).
+
+        Nodal values and the number of segments are those of all facets.
+        """
         used = nodes[self.facet_nodes].any(axis=1)
         if used.all():
             return self
@@ -231,14 +236,14 @@ class SpaceOperators(MortarOperators):
         return self._found["weight"], self._found["gap"]
 
     def weight_derivative(self) -> list[Block]:
-        """See ``MortarOperators``."""
+        """Blocks of dw/dd [1], w = row sums of D; rows: slave nodes, columns: displacement dofs."""
         if self.linearization.frozen:
             return []
         by_weight = self._weights_and_gaps[0]
         return [Block(self.facet_nodes, self.columns, self.H @ by_weight)]
 
     def gap_derivative(self) -> list[Block]:
-        """See ``MortarOperators``."""
+        """Blocks of dg/dd [length]; rows: slave nodes, columns: displacement dofs."""
         if self.linearization.frozen:
             return self.jump_derivative(-self.n)
         by_weight, by_gap = self._weights_and_gaps
@@ -270,7 +275,7 @@ class SpaceOperators(MortarOperators):
         return -change
 
     def slave_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
-        """See ``MortarOperators``."""
+        """Block of d(D^T z)/dd [stress] at fixed ``z`` of c components (local)."""
         nodes, parts = self.facet_nodes, z.shape[1]
         rows = (self.slave.dofs if dofs is None else dofs)[nodes]
         shape, width = (len(nodes), parts * nodes.shape[1]), self.columns.shape[1]
@@ -285,7 +290,7 @@ class SpaceOperators(MortarOperators):
         return Block(rows.reshape(shape), self.columns, values.reshape(*shape, width))
 
     def master_force_derivative(self, z: Array, dofs: Indices | None = None) -> Block:
-        """See ``MortarOperators``."""
+        """Block of -d(M^T z)/dd [stress] at fixed ``z`` of c components (local)."""
         s, moments, (count, size) = self.segments, self.moments, self.facet_nodes.shape
         of_nodes = self.master.dofs if dofs is None else dofs
         rows = np.where(s.merged[..., None] >= 0, of_nodes[s.merged], -1)
@@ -307,7 +312,7 @@ class SpaceOperators(MortarOperators):
         return np.einsum("fjk,fjc->fkc", self.H, z[self.facet_nodes])
 
     def vector_derivative(self, along: Array) -> list[Block]:
-        """See ``MortarOperators``."""
+        """Blocks of along_j . d(D x - M m)_j/dd [length] for directions ``along`` (nodes, 3)."""
         if self.linearization.frozen:
             return []
         near = self.near(along.any(axis=1))
@@ -349,7 +354,7 @@ class SpaceOperators(MortarOperators):
         return np.asarray(np.sqrt(sum_over_ranks(comm, total) if comm.size > 1 else total))
 
     def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
-        """See ``MortarOperators``."""
+        """Blocks of d(D v - M w)/dd at constant nodal values of a scalar field (local)."""
         if self.linearization.frozen:
             return []
         values = on_slave[self.facet_nodes], on_master[self.segments.master]
@@ -424,11 +429,11 @@ class SpaceOperators(MortarOperators):
         return np.flatnonzero(mine)[pair], N[:, 0]
 
     def freeze(self) -> Self:
-        """See ``MortarOperators``."""
+        """Copy with constant D, M and n, for small motions; see ``after_small_motion``."""
         return replace(self, dn=np.zeros_like(self.dn), linearization=LINEARIZATIONS["frozen"])
 
     def minus_offset(self, offset: Array) -> Self:
-        """See ``MortarOperators``."""
+        """Operators for the gap minus an offset, interpolated between nodes (collective)."""
         jump = self.jump(np.repeat(offset[:, None], 3, axis=1), np.zeros_like(self.m))
         return replace(self, gap=self.gap - jump[:, 0], offset=self.offset + offset)
 
@@ -470,11 +475,8 @@ def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices
     size = master.max(initial=0) + 1
     keys, number = np.unique((owner[:, None] * size + master).ravel(), return_inverse=True)
     facet, node = np.divmod(keys, size)
-    starts = np.searchsorted(facet, np.arange(count + 1))
-    at = np.arange(keys.size) - starts[facet]
-    merged = np.full((count, int(np.diff(starts).max(initial=0))), -1)
-    merged[facet, at] = node
-    return merged, at[number].reshape(master.shape)
+    at = np.arange(keys.size) - np.searchsorted(facet, facet)
+    return padded(facet, node, count), at[number].reshape(master.shape)
 
 
 # Smallest weight of a multiplier node after the hand-over, over that of its own function [1]: below
@@ -507,15 +509,15 @@ def evaluate_space(given: MortarInput) -> SpaceOperators:
     M = functions[s.owner] @ moments.B
     by_dual = is_dual and options.kinds[1] != BY_STANDARD
     gap = np.einsum("fjk,fk->fj", functions if by_dual else H, moments.G)
-    diagonal, gap, cover, weight = sum_over_facets(slave, nodes, D, gap, covers(moments.De))
+    sums = sum_over_facets(slave, nodes, D, gap, reference.covers(moments.De))
     if slave.roles is not None:
-        cover[_constrained_twice(slave, slave.roles, s)] = 0.0
-    if options.basis in COMBINED:  # integrals of their products may be negative
-        diagonal = weight
+        sums["cover"][_constrained_twice(slave, slave.roles, s)] = 0.0
+    if options.basis in reference.COMBINED:  # integrals of their products may be negative
+        sums["diagonal"] = sums["weight"]
     count = s.num_segments
     return SpaceOperators(
         slave=slave, master=master, x=x, m=m, n=n, dn=dn, segments=s, D=D, M=M,
-        diagonal=diagonal, gap=gap, cover=cover, weight=weight,
+        **sums,
         num_segments=count if slave.comm.size == 1 else slave.comm.allreduce(count),
         linearization=linearization, moments=moments, H=H, A=A, is_dual=is_dual,
         gap_by_dual=by_dual, rule=rule,
@@ -558,15 +560,15 @@ def _hand_over(
     those that are handed over to a node: its pressure would pull, and its active set not converge.
     Such nodes carry no multiplier, either.
     """
-    if kind in AT_VERTICES or nodes.shape[1] < 6:  # no integral is negative
-        return hand_over(multiplier_nodes[nodes], 3, kind)
-    integrals_of = moments.De @ functions_of(nodes.shape[1], kind).T
-    own = sum_over_facets(slave, nodes, moments.Me, integrals_of, integrals_of)[2]
+    if kind in reference.AT_VERTICES or nodes.shape[1] < 6:  # no integral is negative
+        return reference.hand_over(multiplier_nodes[nodes], 3, kind)
+    integrals_of = moments.De @ reference.functions_of(nodes.shape[1], kind).T
+    own = sum_over_facets(slave, nodes, moments.Me, integrals_of, integrals_of)["cover"]
     carries = multiplier_nodes & (own > 0.0)
     while True:
-        H = hand_over(carries[nodes], 3, kind)
+        H = reference.hand_over(carries[nodes], 3, kind)
         given = np.einsum("fjk,fk->fj", H, moments.De)
-        weight = sum_over_facets(slave, nodes, moments.Me, given, given)[2]
+        weight = sum_over_facets(slave, nodes, moments.Me, given, given)["cover"]
         reduced = carries & (weight < LEAST_WEIGHT * own)
         if not reduced.any():
             return H

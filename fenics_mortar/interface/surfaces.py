@@ -49,7 +49,7 @@ from scipy.sparse import coo_array, csr_array
 import basix
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.reference import CORNERS, gauss_rule, rule_of_triangles, tabulate
+from fenics_mortar.interface import reference
 from fenics_mortar.kernels.sight import tabulate_masters
 from fenics_mortar.mesh.space import cells_of_facets
 from fenics_mortar.utils import compat
@@ -136,62 +136,89 @@ class Surface:
             local_dofs=self.local_dofs[mine], **new,
         )  # fmt: skip
 
-    @property
+    @cached_property
+    def corners(self) -> Indices:
+        """Nodes at the corners of each facet, counter-clockwise, in the plane its ends, (m, c)."""
+        return self.facets[:, reference.corner_places(self.facets.shape[1], self.dim)]
+
+    @cached_property
     def degree(self) -> int:
         """Polynomial degree of the facets."""
-        raise NotImplementedError
+        return 1 if self.corners.shape == self.facets.shape else 2
 
-    @property
-    def corners(self) -> Indices:
-        """Nodes at the corners of each facet, in the plane its ends, shape (m, c)."""
-        raise NotImplementedError
+    @cached_property
+    def inner(self) -> Flags:
+        """Whether a node is no corner of a facet, shape (n,), bool."""
+        inner = np.ones(self.num_nodes, bool)
+        inner[self.corners] = False
+        return inner
 
-    @property
+    @cached_property
     def between_corners(self) -> tuple[Indices, Indices, Array]:
-        """Nodes that are no corners, (k,), the corners beside each, (k, c), and weights [1]."""
-        raise NotImplementedError
+        """Nodes that are no corners, (k,), corners of their facets, (k, c), and weights [1].
+
+        These are the values of the linear functions.
+        """
+        count, size = self.facets.shape
+        places = np.setdiff1d(np.arange(size), reference.corner_places(size, self.dim))
+        weights = np.tile(reference.linear_values(size, self.dim)[places], (count, 1))
+        return self.facets[:, places].ravel(), np.repeat(self.corners, places.size, axis=0), weights
 
     @property
+    def products(self) -> Array:
+        """Integrals of products of two shape functions times the thickness, (m, K, K) [area]."""
+        thickness = None if self.thickness is None else self.thickness.at(self.X)[self.facets]
+        return shape_products(self.X[self.facets], thickness)
+
+    @cached_property
+    def areas(self) -> Array:
+        """Integrals of the shape functions times the thickness, undeformed, (m, K) [area]."""
+        return self.products.sum(axis=2)
+
+    @cached_property
+    def measures(self) -> Array:
+        """Those without the thickness, shape (m, K) [length, in space area]."""
+        return self.areas if self.thickness is None else shape_integrals(self.X[self.facets])
+
+    @cached_property
     def facet_sizes(self) -> Array:
-        """Sizes of the undeformed facets, shape (m,) [length]."""
-        raise NotImplementedError
+        """Lengths of the undeformed facets, in space roots of areas, shape (m,) [length]."""
+        return np.asarray(self.measures.sum(axis=1) ** (1.0 / (self.dim - 1)))
 
     def distortions(self, u: Array) -> Array:
-        """Relative motion of the corners of each facet over its size, shape (m,) [1] (local).
+        """Largest relative motion of neighbouring corners over facet sizes, shape (m,) [1] (local).
 
         Args:
             u: Displacements of the nodes, shape (n, dim) [length].
         """
-        raise NotImplementedError
+        corners = u[self.corners]
+        change = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        return np.asarray(change.max(axis=1, initial=0.0) / self.facet_sizes)
 
     @property
     def nodal_lengths(self) -> Array:
         """Size of the surface around each node, shape (n,) [length]."""
         raise NotImplementedError
 
-    @property
+    @cached_property
     def full_cover(self) -> Array:
-        """Integral of each nodal shape function, undeformed, shape (n,) [area]."""
-        raise NotImplementedError
+        """Integral of each nodal shape function times the thickness, undeformed, (n,) [area].
+
+        Of corners of triangles with six nodes, those of linear functions.
+        """
+        return self.on_nodes(reference.covers(self.areas))
 
     @cached_property
     def mass(self) -> csr_array:
         """Integrals of products of two shape functions, undeformed, shape (n, n) [area]."""
-        facets, size = self.facets, self.facets.shape[1]
-        thickness = None if self.thickness is None else self.thickness.at(self.X)[facets]
+        facets, size, shape = self.facets, self.facets.shape[1], (self.num_nodes, self.num_nodes)
         at = np.repeat(facets, size, axis=1).ravel(), np.tile(facets, size).ravel()
-        values, shape = shape_products(self.X[facets], thickness), (self.num_nodes, self.num_nodes)
-        return coo_array((values.ravel(), at), shape=shape).tocsr()
+        return coo_array((self.products.ravel(), at), shape=shape).tocsr()
 
     @property
     def mean_thickness(self) -> Array | float:
         """Areas over lengths of the nodes, shape (n,) [length]."""
         raise NotImplementedError
-
-    @property
-    def functions_move(self) -> bool:
-        """Whether multiplier functions change with the positions of wholly covered facets."""
-        return True
 
     @property
     def stencil(self) -> Indices:
@@ -303,9 +330,9 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
 POINTS = 5
 
 
-def shape_integrals(x: Array, thickness: Array | None = None) -> Array:
+def shape_integrals(x: Array) -> Array:
     """Integrals of the shape functions, see ``shape_products``, shape (m, K) [area] (local)."""
-    return shape_products(x, thickness).sum(axis=2)
+    return shape_products(x).sum(axis=2)
 
 
 def shape_products(x: Array, thickness: Array | None = None) -> Array:
@@ -314,9 +341,9 @@ def shape_products(x: Array, thickness: Array | None = None) -> Array:
     Shape (m, K, K) [area]. With ``thickness`` (m, K) [length] they are those times the thickness.
     """
     in_plane = x.shape[2] == 2
-    points, weights = gauss_rule(POINTS) if in_plane else rule_of_triangles(x.shape[1])
+    rule = reference.gauss_rule(POINTS) if in_plane else reference.rule_of_triangles(x.shape[1])
     total = np.zeros((*x.shape[:2], x.shape[1]))
-    for T, weight in zip(tabulate(points, x.shape[1]), weights, strict=True):
+    for T, weight in zip(reference.tabulate(rule[0], x.shape[1]), rule[1], strict=True):
         tangents = np.einsum("ak,mkc->amc", T[1:], x)
         J = np.linalg.norm(tangents[0] if in_plane else np.cross(*tangents), axis=1)
         if thickness is not None:
@@ -377,7 +404,7 @@ def outward_nodes(V: Any, facets: Numbers) -> Indices:
     cell = basix.topology(getattr(basix.CellType, compat.cell_name(V.mesh)))
     corners = [layout.entity_dofs(0, k)[0] for k in range(len(cell[0]))]
     size = len(layout.entity_closure_dofs(dim - 1, 0))
-    ends = [0, -1] if dim == 2 else list(range(CORNERS[size]))
+    ends = reference.corner_places(size, dim)
     found = np.empty((facets.size, size), np.int64)
     for place in range(len(cell[dim - 1])):
         at = np.flatnonzero(places == place)
@@ -398,7 +425,7 @@ def outward_normals(x: Array) -> Array:
     if x.shape[2] == 2:
         chord = x[:, -1] - x[:, 0]
         return np.stack([chord[:, 1], -chord[:, 0]], axis=1)
-    last = CORNERS[x.shape[1]] - 1
+    last = reference.CORNERS[x.shape[1]] - 1
     return np.cross(x[:, last - 1] - x[:, 0], x[:, last] - x[:, last - 2])
 
 
@@ -490,11 +517,11 @@ class CurveRoles(Roles):
     ends: Indices
 
     def of(self, facets: Indices) -> tuple[Indices, Indices, Array, Indices]:
-        """See ``Roles`` and ``kernels.sight``."""
+        """Arguments of the kernels for slave facets (k,), see ``kernels.sight``."""
         return facets, self.keys, self.arcs, self.ends
 
     def masters_of(self, facets: Indices) -> Flags:
-        """See ``Roles``."""
+        """Whether each facet is a master of the facets ``facets`` (k,), shape (k, f), bool."""
         masters = np.empty((facets.size, len(self.keys)), bool)
         tabulate_masters(self.keys, self.arcs, self.ends, facets, masters)
         return masters
@@ -524,11 +551,11 @@ class FaceRoles(Roles):
         return earliest, latest
 
     def of(self, facets: Indices) -> tuple[Indices, Indices]:
-        """See ``Roles`` and ``kernels.space.pairs``: of all facets."""
+        """Arguments of ``kernels.space.pairs``, of all facets."""
         return np.ascontiguousarray(self.keys[:, 0]), self.near
 
     def masters_of(self, facets: Indices) -> Flags:
-        """See ``Roles``."""
+        """Whether each facet is a master of the facets ``facets`` (k,), shape (k, f), bool."""
         order = self.keys[:, 0]
         masters = order[facets, None] < order
         at, column = np.nonzero(self.near[facets] >= 0)

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from fenics_mortar.problem import ContactProblem
 
 Arrays = dict[str, npt.NDArray[Any]]
-# Values of a contact in the file; the last one is that of ``place_of``.
-SAVED = (*INDEPENDENT, "reference_place")
 # Name in the file of the time scheme of a motion; without it, the file is of a state at rest.
 MOTION = "motion"
 # Arrays that must be finite.
@@ -92,14 +90,11 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         raise MortarError(f"'{file}' {wrong}")
     bulk = problem.equations.bulk
     set_by_input_node(bulk.space, bulk.u, data["nodes"], data["u"])
-    kept: dict[str, list[Any]] = {
-        name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in SAVED
-    }
     for i, contact in enumerate(problem.equations.contacts):
         if isinstance(contact, Contact):
-            contact.restore_reference(kept["reference_place"][i], kept["multiplier_nodes"][i])
-        values = {name: kept[name][i] for name in INDEPENDENT}
-        contact.change(**{name: value[()] for name, value in values.items()})
+            of_state = data[f"reference_place{i}"], data[f"multiplier_nodes{i}"]
+            contact.change(reference=contact.evaluation.reference_at(*of_state))
+        contact.change(**{name: data[f"{name}{i}"][()] for name in INDEPENDENT})
         restore_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
     if bulk.inertia is not None:
         bulk.inertia.restore_data(data, bulk.values)

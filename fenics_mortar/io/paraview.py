@@ -7,8 +7,8 @@ that owns it. Contact surfaces are small and replicated on all ranks; the first 
 
 What files, tables and pictures contain: values of bodies and surfaces, outlines of obstacles.
 
-Lagrange functions are interpolated to the nodes of the displacement. Other UFL expressions are
-evaluated at the midpoints of the cells, or averaged over them if they contain functions that exist
+Lagrange functions are evaluated at the nodes of the displacement, other UFL expressions at the
+midpoints of the cells, or averaged over them if they contain functions that exist
 at quadrature points only.
 """
 
@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import groupby, permutations, product
+from itertools import groupby, permutations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,7 +28,7 @@ from dolfinx import fem
 from ufl.algorithms import extract_arguments, extract_coefficients
 from ufl.domain import extract_domains
 
-from fenics_mortar.bulk.cells import DEGREES, midpoint_of
+from fenics_mortar.bulk.cells import DEGREES, lagrange, midpoint_of
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.problem import ContactProblem
@@ -79,10 +79,9 @@ def check_name(name: Any) -> None:
 
 def owned_cells(problem: ContactProblem) -> Indices:
     """Nodes of the owned cells, shape (cells, nodes), in the order of dolfinx (local)."""
-    num_cells = problem.equations.bulk.V.mesh.topology.index_map(
-        problem.equations.bulk.space.dim
-    ).size_local
-    return compat.dofmap(problem.equations.bulk.V)[:num_cells].astype(np.int64)
+    V = problem.equations.bulk.V
+    num_cells = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
+    return compat.dofmap(V)[:num_cells].astype(np.int64)
 
 
 def evaluated_contacts(problem: ContactProblem) -> list[Any]:
@@ -99,28 +98,27 @@ def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
         contact: A pair of ``evaluated_contacts``.
         u: Displacement, shape (local dofs,) [length].
     """
-    o, now, friction = contact.operators, contact.now, dict[str, Any]()
+    found: dict[str, Array] = {}
     if isinstance(contact, Contact):
-        friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
-        friction |= {f"memory_{name}": v for name, v in contact.accepted_instant.memory.items()}
-    fluxes = [vars(flux.nodal()) for flux in contact.all_fluxes]
-    names = product(range(len(fluxes)), ("jump", "conduction", "heating"))
-    return (
-        friction
-        | {f"{name}_{i}": fluxes[i][name] for i, name in names}
-        | {
-            "displacement": contact.slave.gather(u),
-            "contact_pressure": contact.pressure,
-            "tangential_traction": np.array(now.shear if o.slave.dim == 3 else now.z_tau),
-            "gap": contact.gap,
-            "status": contact.active.astype(np.int32),
-            "normal": o.n,
-        }
-    )
+        found |= {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
+        found |= {f"memory_{name}": v for name, v in contact.accepted_instant.memory.items()}
+    for i, flux in enumerate(contact.all_fluxes):
+        nodal = flux.nodal()
+        found |= {f"jump_{i}": nodal.jump, f"conduction_{i}": nodal.conduction}
+        found[f"heating_{i}"] = nodal.heating
+    o, now = contact.operators, contact.now
+    return found | {
+        "displacement": contact.slave.gather(u),
+        "contact_pressure": contact.pressure,
+        "tangential_traction": np.array(now.shear if o.slave.dim == 3 else now.z_tau),
+        "gap": contact.gap,
+        "status": contact.active.astype(np.int32),
+        "normal": o.n,
+    }
 
 
 class CellField:
-    """A UFL expression at the midpoints of the owned cells, compiled once (collective).
+    """A UFL expression at the midpoints or nodes of the owned cells, compiled once (collective).
 
     If it contains functions that exist at quadrature points only, its mean over each cell.
 
@@ -129,18 +127,27 @@ class CellField:
         expression: Scalar, vector or tensor.
         name: Name of the field.
         rank: Largest allowed rank of the expression.
+        at_nodes: Whether it is evaluated at the nodes of the displacement in each cell.
 
     Raises:
         MortarError: On all ranks, if it cannot be evaluated.
     """
 
-    def __init__(self, problem: ContactProblem, expression: Any, name: str, rank: int = 2) -> None:
+    def __init__(
+        self,
+        problem: ContactProblem,
+        expression: Any,
+        name: str,
+        *,
+        rank: int = 2,
+        at_nodes: bool = False,
+    ) -> None:
         self._shape: tuple[int, ...] = ()
-        work = partial(self._compile, problem.equations.bulk.V, expression, rank)
+        work = partial(self._compile, problem.equations.bulk.V, expression, rank, at_nodes)
         message = f"field {name!r} cannot be evaluated"
         self._values: Any = try_together(problem.equations.comm, True, work, message)
 
-    def _compile(self, V: Any, given: Any, rank: int) -> Callable[[], Array]:
+    def _compile(self, V: Any, given: Any, rank: int, at_nodes: bool) -> Callable[[], Array]:
         """Function that returns the values in the cells (collective)."""
         expression = ufl.as_ufl(given)
         self._shape = expression.ufl_shape
@@ -154,14 +161,17 @@ class CellField:
         degree = _degree_of_points(expression)
         if degree is not None:
             return _cell_means(V.mesh, expression, degree)
-        midpoint = midpoint_of(compat.cell_name(V.mesh))
-        compiled = compat.create_expression(given, midpoint)
+        points = lagrange(V).points if at_nodes else midpoint_of(compat.cell_name(V.mesh))
+        compiled = compat.create_expression(given, points)
         owned = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
         cells = np.arange(owned, dtype=np.int32)
         return partial(compat.evaluate_expression, compiled, V.mesh, cells)
 
     def evaluate(self) -> Array:
-        """Values [unit of the field], shape (owned cells,) and that of the expression (local)."""
+        """Values [unit of the field], (owned cells,) and the shape of the expression (local).
+
+        At nodes those of one cell after the other, (owned cells * nodes,) and this shape.
+        """
         return np.asarray(self._values()).reshape(-1, *self._shape)
 
 
@@ -194,39 +204,8 @@ def _cell_means(mesh: Any, expression: Any, degree: int) -> Callable[[], Array]:
     return means
 
 
-class NodalField:
-    """A Lagrange function interpolated to the nodes of the displacement (collective).
-
-    Args:
-        problem: The problem on whose mesh the function is defined.
-        function: A scalar or vector function for which ``has_nodes`` is true.
-    """
-
-    def __init__(self, problem: ContactProblem, function: fem.Function) -> None:
-        V = problem.equations.bulk.V
-        self._function, self._is_scalar = function, function.ufl_shape == ()
-        self._space, self._parent_dofs = _space_of(function)
-        self._own = fem.Function(self._space)
-        degree = DEGREES[V.dofmap.dof_layout.num_dofs]
-        space = compat.scalar_space if self._is_scalar else compat.vector_space
-        self._at_nodes, self._dim = fem.Function(space(V.mesh, degree)), V.mesh.geometry.dim
-        cells = owned_cells(problem)
-        first = np.unique(cells, return_index=True)[1]
-        self._dofs = compat.dofmap(self._at_nodes.function_space)[: len(cells)].ravel()[first]
-
-    def evaluate(self) -> Array:
-        """Values [unit of the field] at the nodes of owned cells, (nodes,) or (nodes, dim).
-
-        Nodes are in the order of the dofs of the displacement (local).
-        """
-        self._own.x.array[:] = self._function.x.array[self._parent_dofs]
-        self._at_nodes.interpolate(self._own)
-        values = self._at_nodes.x.array
-        return values[self._dofs] if self._is_scalar else values.reshape(-1, self._dim)[self._dofs]
-
-
 def has_nodes(problem: ContactProblem, field: Any) -> bool:
-    """Whether a field has values at nodes (collective).
+    """Whether a field has values at nodes (local).
 
     This holds for scalar and vector functions of Lagrange spaces on the mesh of the problem,
     with a degree up to that of the displacement, and for such parts of mixed functions.
@@ -236,18 +215,10 @@ def has_nodes(problem: ContactProblem, field: Any) -> bool:
         return False
     if field.function_space.mesh is not V.mesh:
         return False
-    layout = _space_of(field)[0].dofmap.dof_layout
+    layout = field.function_space.dofmap.dof_layout
     degree = DEGREES.get(layout.num_dofs, 0)
     at_vertices = len(layout.entity_dofs(0, 0)) == 1
     return at_vertices and 1 <= degree <= DEGREES[V.dofmap.dof_layout.num_dofs]
-
-
-def _space_of(function: fem.Function) -> tuple[fem.FunctionSpace, slice | Indices]:
-    """Space of a function, or of a part of a mixed one, and its dofs in the array."""
-    space = function.function_space
-    if not compat.is_sub_space(space):
-        return space, slice(None)
-    return compat.collapsed(space)
 
 
 # Number of points per direction of the grid on which outlines of obstacles are searched: its cells
@@ -391,23 +362,12 @@ def contact_table(problem: ContactProblem) -> MarkdownText:
     return MarkdownText(markdown_table(head, rows, left=(0,)))
 
 
-# Name in meshio and order of the nodes in VTK (corners, edges, interior), by number of nodes.
-FACETS = {2: ("line", [0, 1]), 3: ("line3", [0, 2, 1])}
-CELLS = {
-    3: ("triangle", [0, 1, 2]),
-    4: ("quad", [0, 1, 3, 2]),
-    6: ("triangle6", [0, 1, 2, 5, 3, 4]),
-    9: ("quad9", [0, 1, 3, 2, 4, 6, 7, 5, 8]),
-}
-# The same of solids, and of their facets, whose nodes are in the order of VTK.
-SOLIDS = {
-    number: (name, np.argsort(KINDS[3, number].order).tolist())
-    for number, name in ((4, "tetra"), (10, "tetra10"), (8, "hexahedron"), (27, "hexahedron27"))
-}
-FACES = {
-    number: (name, list(range(number)))
-    for number, name in ((3, "triangle"), (4, "quad"), (6, "triangle6"), (9, "quad9"))
-}
+# Names in meshio by dimension and number of nodes.
+NAMES = {
+    (1, 2): "line", (1, 3): "line3",
+    (2, 3): "triangle", (2, 4): "quad", (2, 6): "triangle6", (2, 9): "quad9",
+    (3, 4): "tetra", (3, 8): "hexahedron", (3, 10): "tetra10", (3, 27): "hexahedron27",
+}  # fmt: skip
 
 
 class _Block(NamedTuple):
@@ -473,17 +433,17 @@ class ResultsWriter:
                 check_name(name)
         names = {str(number): name for number, name in enumerate(fields or {})}
         check_same_texts(self._comm, "ResultsWriter", {"number of fields": len(names), **names})
-        self._fields, self._nodal = dict[str, CellField](), dict[str, NodalField]()
+        self._fields, self._nodal = dict[str, CellField](), dict[str, CellField]()
         for name, field in (fields or {}).items():
-            if has_nodes(problem, field):
-                self._nodal[name] = NodalField(problem, field)
-            else:
-                self._fields[name] = CellField(problem, field, name)
+            at_nodes = has_nodes(problem, field)
+            kind = self._nodal if at_nodes else self._fields
+            kind[name] = CellField(problem, field, name, at_nodes=at_nodes)
         cells = owned_cells(problem)
-        self._nodes, numbers = np.unique(cells, return_inverse=True)
+        self._nodes, self._first, numbers = np.unique(cells, return_index=True, return_inverse=True)
         self._dim: int = problem.equations.bulk.space.dim
         self._X = problem.equations.bulk.V.tabulate_dof_coordinates()[self._nodes]
-        self._cells = numbers.reshape(cells.shape)
+        order = np.argsort(KINDS[self._dim, cells.shape[1]].order)  # of VTK
+        self._cells = numbers.reshape(cells.shape)[:, order]
         ranks = np.flatnonzero(self._comm.allgather(len(cells) > 0)).tolist()
         surfaces = _numbered([contact.slave.name for contact in problem.equations.contacts])
         obstacles = _numbered([obstacle.name for obstacle in problem.equations.motions.obstacles])
@@ -508,13 +468,14 @@ class ResultsWriter:
         u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
         cell_data = {name: field.evaluate() for name, field in self._fields.items()}
         data = {"displacement": u[dofs[self._nodes]]}
-        data |= {name: field.evaluate() for name, field in self._nodal.items()}
-        kinds, facet_kinds = (CELLS, FACETS) if self._dim == 2 else (SOLIDS, FACES)
-        bodies = partial(_piece, self._X, self._cells, kinds, data, cell_data)
+        data |= {name: field.evaluate()[self._first] for name, field in self._nodal.items()}
+        bodies = partial(_piece, self._X, self._cells, self._dim, data, cell_data)
         pieces = [bodies for block in self._blocks if block.group == "bodies"]
         for contact in evaluated_contacts(problem):
-            X, facets = contact.slave.X, contact.slave.facets
-            pieces.append(partial(_piece, X, facets, facet_kinds, surface_fields(contact, u)))
+            X, facets, dim = contact.slave.X, contact.slave.facets, self._dim - 1
+            if dim == 1:  # middle nodes last
+                facets = np.hstack([facets[:, [0, -1]], facets[:, 1:-1]])
+            pieces.append(partial(_piece, X, facets, dim, surface_fields(contact, u)))
         box = bounding_box(problem.equations.bulk)
         for obstacle in problem.equations.motions.obstacles:
             pieces.append(partial(_outline_piece, obstacle, *box))
@@ -574,24 +535,22 @@ def pad(values: Array) -> Array:
 def _piece(
     X: Array,
     cells: Indices,
-    kinds: dict[int, Any],
+    dim: int,
     point_data: dict[str, Array],
     cell_data: dict[str, Array] | None = None,
 ) -> Any:
-    """Mesh of one rank: points (n, d), cells in the order of dolfinx, values at both (local)."""
+    """Mesh of one rank: points (n, d), cells in the order of VTK, values at both (local)."""
     import meshio
 
-    kind, order = kinds[cells.shape[1]]
     at_points = {name: pad(values) for name, values in point_data.items()}
     in_cells = {name: [pad(values)] for name, values in (cell_data or {}).items()}
-    return meshio.Mesh(pad(X), [(kind, cells[:, order])], at_points, in_cells)
+    return meshio.Mesh(pad(X), [(NAMES[dim, cells.shape[1]], cells)], at_points, in_cells)
 
 
 def _outline_piece(obstacle: Obstacle, low: Array, high: Array) -> Any:
     """Mesh of the outline of an obstacle in a box, with its displacement (local)."""
     points, parts, displacement = outline(obstacle, low, high)
-    kinds = FACETS if parts.shape[1] == 2 else FACES
-    return _piece(points, parts, kinds, {"displacement": displacement})
+    return _piece(points, parts, parts.shape[1] - 1, {"displacement": displacement})
 
 
 def _step(blocks: list[_Block], step: int) -> str:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -27,11 +26,15 @@ from fenics_mortar.io.solids import (
     BODIES,
     GREY,
     INK,
+    LEGEND,
     PRESSURE,
+    Facets,
     Style,
     colours,
-    drawing_of_solids,
+    draw_solids,
+    label_axes,
     pressure_label,
+    rings_of_skin,
 )
 from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
@@ -45,8 +48,6 @@ if TYPE_CHECKING:
 
 # White around a picture [pixel].
 WHITE = 20
-# Function that draws into axes, or into those of a new figure, and returns them.
-Draw = Callable[[Any], Any]
 
 
 def plot(
@@ -99,18 +100,19 @@ def plot(
         _check(path, scale, units, limits, ax, first=comm.rank == 0)
         if stress is not None:
             check_name(label)
-    field = None if stress is None else CellField(problem, stress, label, rank=0)
+    values = None if stress is None else CellField(problem, stress, label, rank=0).evaluate()
     file = None
     if comm.bcast(path is not None):
         file = without_suffix(comm, "" if path is None else path, ".png")
         make_folder(comm, file.parent)
-    values = None if field is None else field.evaluate()
-    style = Style(label, title, scale, units, limits, cmap)
-    prepare = _drawing if problem.equations.bulk.space.dim == 2 else drawing_of_solids
-    drawing: Draw = prepare(problem, values, style)
+    style = Style(None if stress is None else label, title, scale, units, limits, cmap)
+    parts = _gathered_facets(problem, values, scale)
+    contacts = [c for c in evaluated_contacts(problem) if not isinstance(c, Tie)]
+    draw_bodies = draw_section if problem.equations.bulk.space.dim == 2 else draw_solids
 
     def draw() -> None:
-        axes = drawing(ax)
+        facets = Facets(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        axes = draw_bodies(problem, ax, facets, contacts, style)
         if file is not None:
             write_whole(file.with_name(f"{file.name}.png"), partial(_save, axes.figure))
 
@@ -132,44 +134,45 @@ def _save(figure: Any, path: Any) -> None:
     imsave(path, pixels[around], format="png", dpi=200)
 
 
-def _drawing(problem: ContactProblem, values: Array | None, style: Style) -> Draw:
-    """Function that draws plane bodies on the first rank (collective).
+def _gathered_facets(problem: ContactProblem, values: Array | None, scale: float) -> Any:
+    """Parts of ``Facets`` of all ranks on the first rank, ``None`` elsewhere (collective).
 
     Args:
         problem: The problem.
         values: Values of a field in the owned cells, shape (cells,), or ``None``.
-        style: Style of the picture.
+        scale: Factor of the displacement [1].
     """
-    cells, bulk = owned_cells(problem), problem.equations.bulk
-    x = bulk.V.tabulate_dof_coordinates()[:, :2]
-    x = x + style.scale * bulk.u.x.array[bulk.space.dofs]
-    nodes = bulk.V.dofmap.index_map.local_to_global(cells.ravel().astype(np.int32))
-    given = np.zeros(len(cells)) if values is None else values
-    branches: Any = bulk.comm.gather((nodes.reshape(cells.shape), x[cells], given))
-    contacts = evaluated_contacts(problem)
+    bulk = problem.equations.bulk
+    x = bulk.cells.X + scale * bulk.u.x.array[bulk.space.dofs]
+    rings = owned_cells(problem)
+    cells = np.arange(len(rings))
+    if bulk.space.dim == 3:
+        cells, rings = rings_of_skin(bulk.V)
+    nodes = bulk.V.dofmap.index_map.local_to_global(rings.ravel().astype(np.int32))
+    given = np.zeros(len(rings)) if values is None else values[cells]
+    return bulk.comm.gather((x[rings], nodes.reshape(rings.shape), given))
 
-    def draw(ax: Any) -> Any:
-        nodes, polygons, given = (np.concatenate(parts) for parts in zip(*branches, strict=True))
-        low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
-        axes = _new_axes(high - low) if ax is None else ax
-        axes.set_aspect("equal")
-        axes.set_title(style.title or "")
-        bodies = _draw_bodies(axes, nodes, polygons, None if values is None else given)
-        if values is not None:
-            bodies.set(**colours(given, style))
-            inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
-            bar = axes.figure.colorbar(bodies, cax=inset, label=style.label)
-            bar.outline.set_visible(False)
-        _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
-        open_pairs = [c for c in contacts if not isinstance(c, Tie)]
-        _draw_pressure(axes, open_pairs, style, 0.1 * float(np.sqrt(np.prod(high - low))))
-        if style.scale != 1.0:
-            axes.plot([], [], " ", color=INK, label=f"displacement x {style.scale:g}")
-        names = ("r", "z") if bulk.space.is_axisymmetric else ("x", "y")
-        _finish_axes(axes, names, style.units)
-        return axes
 
-    return draw
+def draw_section(
+    problem: ContactProblem, ax: Any, facets: Facets, contacts: list[Any], style: Style
+) -> Any:
+    """Draw plane bodies into axes, or into new ones; see ``draw_solids`` (local)."""
+    low, high = facets.rings.min(axis=(0, 1)), facets.rings.max(axis=(0, 1))
+    axes = _new_axes(high - low) if ax is None else ax
+    axes.set_aspect("equal")
+    axes.set_title(style.title or "")
+    values = None if style.label is None else facets.values
+    bodies = _draw_bodies(axes, facets.nodes, facets.rings, values)
+    if style.label is not None:
+        bodies.set(**colours(facets.values, style))
+        inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
+        bar = axes.figure.colorbar(bodies, cax=inset, label=style.label)
+        bar.outline.set_visible(False)
+    _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
+    _draw_pressure(axes, contacts, style, 0.1 * float(np.sqrt(np.prod(high - low))))
+    label_axes(axes, "rz" if problem.equations.bulk.space.is_axisymmetric else "xy", style, 6)
+    _finish_axes(axes)
+    return axes
 
 
 def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bool) -> None:
@@ -200,27 +203,21 @@ def _new_axes(size: Array) -> Any:
     return figure.add_subplot()
 
 
-def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | None) -> None:
-    """Labels with units, and the legend below the axes."""
+def _finish_axes(axes: Any) -> None:
+    """Thin lines around the numbers, and the legend below the axes."""
     from matplotlib.transforms import ScaledTranslation
 
-    labels = names if units is None else [f"{name} [{units[0]}]" for name in names]
-    axes.set_xlabel(labels[0], fontsize=9)
-    axes.set_ylabel(labels[1], fontsize=9)
     entries = axes.get_legend_handles_labels()[1]
     if entries:
         inches = axes.figure.dpi_scale_trans
         below = axes.transAxes + ScaledTranslation(0.0, -0.45, inches)  # numbers and axis label
-        location = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
-        style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
         width = axes.get_window_extent().width / axes.figure.dpi
         columns = 2 if 2 * 0.07 * max(map(len, entries)) < width else 1  # width of a letter [inch]
-        axes.legend(**location, **style, fontsize=9, ncols=columns)
+        axes.legend(**LEGEND, bbox_to_anchor=(0.0, 0.0), bbox_transform=below, ncols=columns)
     axes.margins(0.03)
-    axes.locator_params(nbins=6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(GREY)
-    axes.tick_params(color=GREY, labelsize=8)
+    axes.tick_params(color=GREY)
 
 
 def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:

@@ -6,13 +6,13 @@ camera of the axes, where it is installed and can draw without a screen. Elsewhe
 those that face the camera, from behind, and no order shows those right that cover each other in
 turn, as the sides of two bodies in contact may do.
 
-Style of pictures: colours, and what the user chooses.
+Colours, labels and legends are those of pictures in the plane, too.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from ctypes import CDLL, CFUNCTYPE, addressof, c_int, c_uint, c_void_p
 from functools import cache
@@ -25,10 +25,8 @@ import numpy as np
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.interface.surfaces import outward_nodes
-from fenics_mortar.io.paraview import evaluated_contacts
 from fenics_mortar.mesh.space import cells_of_facets
 
 if TYPE_CHECKING:
@@ -46,9 +44,9 @@ SIGNED = 0.2
 
 
 class Style(NamedTuple):
-    """Arguments of ``plot``, see there."""
+    """Arguments of ``plot``, see there; without a field ``label`` is ``None``."""
 
-    label: str
+    label: str | None
     title: str | None
     scale: float
     units: tuple[str, str] | None
@@ -79,6 +77,25 @@ def pressure_label(contacts: list[Any], contact: Any, style: Style) -> str:
     return f"pressure on {name}, maximum {contact.pressure.max():.4g}{unit}"
 
 
+# Legend of a picture, whose entries have the colours of what they describe.
+LEGEND = {
+    "loc": "upper left", "labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0,
+    "fontsize": 9,
+}  # fmt: skip
+
+
+def label_axes(axes: Any, names: Sequence[str], style: Style, numbers: int) -> None:
+    """Labels with units, about so many small numbers, and the scale of the displacement (local)."""
+    for direction, name in zip("xyz", names, strict=False):
+        label = name if style.units is None else f"{name} [{style.units[0]}]"
+        getattr(axes, f"set_{direction}label")(label, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.locator_params(nbins=numbers)
+    if style.scale != 1.0:
+        nowhere = np.empty((len(names), 0))
+        axes.plot(*nowhere, " ", color=INK, label=f"displacement x {style.scale:g}")
+
+
 # Angles of the camera above the x-y plane and about z [degrees].
 CAMERA = (22.0, -60.0)
 # Angles from the camera to the light, upwards and to the right [degrees].
@@ -104,10 +121,10 @@ BEFORE = 2e-3
 
 
 class Facets(NamedTuple):
-    """Outer facets of solids.
+    """Outer facets of solids; in the plane the cells.
 
     Attributes:
-        rings: Their outlines in the deformed state, shape (f, k, 3) [length].
+        rings: Their outlines in the deformed state, shape (f, k, dim) [length].
         nodes: Numbers of the nodes of the outlines, shape (f, k).
         values: Values of a field in their cells, shape (f,).
     """
@@ -138,39 +155,33 @@ class Facets(NamedTuple):
         return np.asarray(mean.argsort().argsort()[of_facet])
 
 
-def drawing_of_solids(
-    problem: ContactProblem, values: Array | None, style: Style
-) -> Callable[[Any], Any]:
-    """Function that draws solids into axes, or into new ones, on the first rank (collective).
+def draw_solids(
+    problem: ContactProblem, ax: Any, facets: Facets, contacts: list[Any], style: Style
+) -> Any:
+    """Draw solids into axes, or into new ones; returns the axes (local).
 
     Args:
         problem: The problem.
-        values: Values of a field in the owned cells, shape (cells,), or ``None``.
+        ax: Axes in space, or ``None``.
+        facets: The outer facets.
+        contacts: Evaluated contacts.
         style: Style of the picture.
     """
-    bulk = problem.equations.bulk
-    x = bulk.cells.X + style.scale * bulk.u.x.array[bulk.space.dofs]
-    cells, rings = rings_of_skin(bulk.V)
-    numbers = bulk.V.dofmap.index_map.local_to_global(rings.ravel().astype(np.int32))
-    given = np.zeros(len(cells)) if values is None else values[cells]
-    branches: Any = bulk.comm.gather((x[rings], numbers.reshape(rings.shape), given))
-    contacts = [c for c in evaluated_contacts(problem) if not isinstance(c, Tie)]
-
-    def draw(ax: Any) -> Any:
-        facets = Facets(*(np.concatenate(parts) for parts in zip(*branches, strict=True)))
-        axes = _axes_in_space() if ax is None else ax
-        if axes.name != "3d":
-            raise ValueError("ax is in the plane; expected add_subplot(projection='3d') for solids")
-        facets = _set_limits(axes, facets)
-        axes.set_title(style.title or "", y=_corners_of_box(axes)[:, 1].max())
-        markers = _draw_largest_pressures(axes, contacts, style)
-        _draw_facets(axes, facets, None if values is None else style, markers)
-        if style.scale != 1.0:
-            axes.plot([], [], [], " ", color=INK, label=f"displacement x {style.scale:g}")
-        _finish_axes_in_space(axes, style.units)
-        return axes
-
-    return draw
+    axes = _axes_in_space() if ax is None else ax
+    if axes.name != "3d":
+        raise ValueError("ax is in the plane; expected add_subplot(projection='3d') for solids")
+    facets = _set_limits(axes, facets)
+    axes.set_title(style.title or "", y=_corners_of_box(axes)[:, 1].max())
+    markers = _draw_largest_pressures(axes, contacts, style)
+    _draw_facets(axes, facets, style, markers)
+    label_axes(axes, "xyz", style, 4)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.pane.set_visible(False)
+    axes.grid(visible=False)
+    if axes.get_legend_handles_labels()[1]:
+        below = _corners_of_box(axes)[:, 1].min() - LABELS
+        axes.legend(**LEGEND, bbox_to_anchor=(0.0, below))
+    return axes
 
 
 def _axes_in_space() -> Any:
@@ -232,13 +243,13 @@ def _pixels(axes: Any, points: Array) -> Array:
     return np.asarray(axes.transData.transform(seen[:, :2] / seen[:, 3:]))
 
 
-def _draw_facets(axes: Any, facets: Facets, style: Style | None, markers: list[Any]) -> None:
-    """Draw the facets, coloured if there is a style."""
+def _draw_facets(axes: Any, facets: Facets, style: Style, markers: list[Any]) -> None:
+    """Draw the facets, coloured by the field if there is one."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import to_rgb
 
     faces = np.array([to_rgb(tint) for tint in BODIES])[facets.bodies() % len(BODIES)]
-    if style is not None:
+    if style.label is not None:
         mapping = ScalarMappable(**colours(facets.values, style))
         faces = mapping.to_rgba(facets.values)[:, :3]
         bar = axes.figure.colorbar(
@@ -421,22 +432,6 @@ def _draw_largest_pressures(axes: Any, contacts: list[Any], style: Style) -> lis
             look = {"markersize": 5, "color": PRESSURE, "zorder": 10}
             markers += axes.plot(*place[:, None], "o", label=label, **look)
     return markers
-
-
-def _finish_axes_in_space(axes: Any, units: tuple[str, str] | None) -> None:
-    """Labels with units, few numbers, panes without colour, and the legend."""
-    for name in "xyz":
-        label = name if units is None else f"{name} [{units[0]}]"
-        getattr(axes, f"set_{name}label")(label, fontsize=9)
-        axis = getattr(axes, f"{name}axis")
-        axis.pane.set_visible(False)
-        axis.set_tick_params(labelsize=8)
-    axes.grid(visible=False)
-    axes.locator_params(nbins=4)
-    if axes.get_legend_handles_labels()[1]:
-        style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
-        below = _corners_of_box(axes)[:, 1].min() - LABELS
-        axes.legend(**style, loc="upper left", bbox_to_anchor=(0.0, below), fontsize=9)
 
 
 def _direction(elevation: float, azimuth: float) -> Array:

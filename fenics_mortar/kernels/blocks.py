@@ -38,30 +38,6 @@ def expand_rows(directions, nodes, values, rows, expanded):
 
 
 @kernel
-def weigh_derivatives(dX, which, nodes, z, sign, values):
-    """Derivatives of the forces X^T z on the nodes of segments, at fixed z.
-
-    Args:
-        dX: Derivatives of D or M of each segment or pair of segments, shape (p, K, K, c) [1].
-        which: Segment whose multipliers act, shape (p,).
-        nodes: Slave nodes of each segment, shape (n, K).
-        z: Multipliers of a components, shape (slave nodes, a) [stress].
-        sign: Factor of the result [1].
-        values: Rows of all components of each node k of the segment, shape (p, K a, c) [stress];
-            filled.
-    """
-    components = z.shape[1]
-    for p in range(dX.shape[0]):
-        for k in range(dX.shape[2]):
-            for a in range(components):
-                for q in range(dX.shape[3]):
-                    total = 0.0
-                    for j in range(dX.shape[1]):
-                        total += dX[p, j, k, q] * z[nodes[which[p], j], a]
-                    values[p, components * k + a, q] = sign * total
-
-
-@kernel
 def gather_forces(
     D, facets, slave_rows, M, slave, master, master_rows, Z, A_z, owned, acts, dofs, i, j, v
 ):
@@ -149,6 +125,24 @@ def pack_rows(rows, columns, values, counts, packed_rows, starts, packed_columns
 
 
 @kernel
+def sort_by_row(rows, first, count):
+    """Sort entries by their ``rows`` (n,), which are ``first`` to ``first + count - 1``.
+
+    Returns:
+        Those of row r end before ends[r - first], (count + 1,), and the order of the entries, (n,).
+    """
+    ends, order = np.zeros(count + 1, np.int64), np.empty(rows.size, np.int64)
+    for e in range(rows.size):
+        ends[rows[e] - first + 1] += 1
+    for r in range(count):
+        ends[r + 1] += ends[r]
+    for e in range(rows.size):
+        order[ends[rows[e] - first]] = e
+        ends[rows[e] - first] += 1
+    return ends, order
+
+
+@kernel
 def pack_product(i, j, v, offsets, columns, values, numbers, num_columns, counts, packed_rows,
                  starts, packed_columns, packed_values):  # fmt: skip
     """As ``pack_rows``, for the product of two sparse matrices; each row is summed.
@@ -168,15 +162,7 @@ def pack_product(i, j, v, offsets, columns, values, numbers, num_columns, counts
         packed_columns: See ``pack_rows``.
         packed_values: See ``pack_rows``.
     """
-    ends = np.zeros(numbers.size + 1, np.int64)
-    for e in range(i.size):
-        ends[i[e] + 1] += 1
-    for r in range(numbers.size):
-        ends[r + 1] += ends[r]
-    by_row = np.empty(i.size, np.int64)
-    for e in range(i.size):
-        by_row[ends[i[e]]] = e
-        ends[i[e]] += 1
+    ends, by_row = sort_by_row(i, 0, numbers.size)
     places = np.full(num_columns, -1)  # of columns among the packed ones of the row
     factors, begins = np.empty(offsets.size - 1), np.full(offsets.size - 1, -1)
     begin, (row, entry) = 0, counts
@@ -227,15 +213,7 @@ def sum_rows(rows, starts, columns, values, first, num_columns, sum_starts, sum_
         sum_columns: Their columns, ascending in each row, at most entries + p; filled.
         sum_values: Their values, likewise.
     """
-    ends = np.zeros(sum_starts.size, np.int64)
-    for p in range(rows.size):
-        ends[rows[p] - first + 1] += 1
-    for r in range(ends.size - 1):
-        ends[r + 1] += ends[r]
-    by_row = np.empty(rows.size, np.int64)
-    for p in range(rows.size):
-        by_row[ends[rows[p] - first]] = p
-        ends[rows[p] - first] += 1
+    ends, by_row = sort_by_row(rows, first, sum_starts.size - 1)
     places = np.full(num_columns, -1)  # of columns among the sums of the row
     entry, begin = 0, 0
     sum_starts[0] = 0
@@ -418,6 +396,13 @@ def copy_row(source, target):
 
 
 @kernel
+def add_row(factor, row, out):
+    """Add ``factor`` times ``row`` (C,) to ``out``."""
+    for k in range(out.size):
+        out[k] += factor * row[k]
+
+
+@kernel
 def copy_rows(source, count, target, start):
     """Copy the first ``count`` rows of (r, c) into another table, from row ``start`` on."""
     for i in range(count):
@@ -455,9 +440,23 @@ def dot(p, q):
 
 
 @kernel
+def dot2(p, q):
+    """P . q in the plane, without complex conjugation."""
+    return p[0] * q[0] + p[1] * q[1]
+
+
+@kernel
 def cross2(ax, ay, bx, by):
     """Vector product of two vectors in the plane."""
     return ax * by - ay * bx
+
+
+@kernel
+def cross(p, q, out):
+    """Fill ``out`` (3,) with p x q."""
+    out[0] = p[1] * q[2] - p[2] * q[1]
+    out[1] = p[2] * q[0] - p[0] * q[2]
+    out[2] = p[0] * q[1] - p[1] * q[0]
 
 
 @kernel

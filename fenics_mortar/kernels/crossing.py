@@ -16,8 +16,6 @@ Where two segments cross, at P, each outline enters the other body. Both outline
 from P. The depth of a node of one trace is its distance from the other one, as long as the node is
 on the inner side: a lens between faceted curves is shallow, a tip through a plate is deep.
 
-Points inside cells of other bodies.
-
 Interpolation in a triangulation.
 """
 
@@ -323,82 +321,6 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
             rows[count] = float(e), float(f), facets, depth, P[0], P[1]
             count += 1
     return rows[:count].copy()
-
-
-@kernel
-def find_inside(x, cells, labels, outline, points, bodies, inside):
-    """Mark the points that lie in a cell of another body than their own.
-
-    Only cells whose nodes have a box that meets that of all points are examined; if all points are
-    of one body, only those of other bodies.
-
-    Args:
-        x: Positions of all nodes, shape (n, 2) [length].
-        cells: Nodes of each cell, shape (cells, k).
-        labels: Body of each node, negative for bodies that do not count, shape (n,).
-        outline: Nodes of a cell along its outline, numbers from 0 to k - 1, shape (k - inner,).
-        points: Shape (p, 2) [length].
-        bodies: Body of each point, shape (p,).
-        inside: Marks, shape (p,), bool; filled.
-    """
-    box, one_body = np.empty(4), True
-    box[0] = box[1] = np.inf
-    box[2] = box[3] = -np.inf
-    for p in range(len(points)):
-        inside[p] = False
-        one_body = one_body and bodies[p] == bodies[0]
-        for d in range(2):
-            box[d], box[2 + d] = min(box[d], points[p, d]), max(box[2 + d], points[p, d])
-    near, count = np.empty(cells.shape, np.int64), 0
-    for e in range(cells.shape[0]):
-        label = labels[cells[e, 0]]
-        if label < 0 or (one_body and label == bodies[0]) or is_away(x, cells[e], box):
-            continue
-        copy_row(cells[e], near[count])
-        count += 1
-    if count == 0:
-        return
-    examined = near[:count]
-    boxes = build_tree(x, examined)
-    hits = np.empty(boxes.shape[0] // 2, np.int64)
-    for p in range(len(points)):
-        for d in range(2):
-            box[d] = box[2 + d] = points[p, d]
-        found = query_tree(boxes, box, None, hits)
-        for e in hits[:found]:
-            if labels[examined[e, 0]] != bodies[p] and contains(x, examined[e], outline, points[p]):
-                inside[p] = True
-                break
-
-
-@kernel
-def is_away(x, nodes, box):
-    """Whether all ``nodes`` (k,) are on one side of a box (xmin, ymin, xmax, ymax)."""
-    for d in range(2):
-        below = above = True
-        for node in nodes:
-            below = below and x[node, d] < box[d]
-            above = above and x[node, d] > box[2 + d]
-        if below or above:
-            return True
-    return False
-
-
-@kernel
-def contains(x, nodes, outline, point):
-    """Whether a point (2,) lies in the polygon of a cell with ``nodes`` (k,).
-
-    A ray from an interior point crosses the outline an odd number of times.
-    """
-    odd, last = False, nodes[outline[-1]]
-    for k in outline:
-        node = nodes[k]
-        ay, by = x[last, 1] - point[1], x[node, 1] - point[1]
-        if (ay > 0.0) != (by > 0.0):
-            ax, bx = x[last, 0] - point[0], x[node, 0] - point[0]
-            odd = odd != (ax - (bx - ax) / (by - ay) * ay > 0.0)
-        last = node
-    return odd
 
 
 @kernel

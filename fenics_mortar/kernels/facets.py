@@ -78,7 +78,7 @@ derivatives follow from those of G, with coefficients computed once per facet, a
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import copy_row, copy_rows
+from fenics_mortar.kernels.blocks import add_row, copy_row, copy_rows
 
 DUAL, STANDARD = range(2)
 # Functions that weight the gap, see above
@@ -256,13 +256,6 @@ def add_moments(q, values, T, L, index, G, T_M, i, T_g):
             G[index[p, r]] += weighted * T[q, 0, r]
         for l in range(L.shape[2]):
             T_M[i, p, l] += weighted * L[q, 0, l]
-
-
-@kernel
-def add_row(factor, row, out):
-    """Add ``factor`` times ``row`` (C,) to ``out``."""
-    for k in range(out.size):
-        out[k] += factor * row[k]
 
 
 @kernel

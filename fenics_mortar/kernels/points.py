@@ -38,6 +38,7 @@ Integrals over the segments of two surfaces in the plane: points, then D, M and 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.blocks import dot2
 from fenics_mortar.kernels.facets import facet_work, integrate_facet
 from fenics_mortar.kernels.projection import (
     gather,
@@ -76,43 +77,35 @@ def differentiate_point(y, s, w, ends, dends, N, L, table, at):
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     xi = c + h * s
     _, alpha = slave_to_master(y, xi, N, L)
-    nx, ny = interpolate(y, 1, N, 0)
-    bx, by = interpolate(y, 1, N, 1)
-    tx, ty = interpolate(y, 0, N, 1)
-    kx, ky = interpolate(y, 0, N, 2)
-    ax, ay = interpolate(y, 2, L, 1)
-    size, J = np.sqrt(nx * nx + ny * ny), np.sqrt(tx * tx + ty * ty)
-    along = nx * ay - ny * ax
-    px, py = ny / along, -nx / along
-    qx, qy = ay * size / along, -ax * size / along
-    sx, sy = tx + alpha * bx, ty + alpha * by
-    eta_xi = -(px * sx + py * sy)
-    gap_xi = alpha * (nx * bx + ny * by) / size - (qx * sx + qy * sy)
-    J_xi = (tx * kx + ty * ky) / J
+    n, b = interpolate(y, 1, N, 0), interpolate(y, 1, N, 1)
+    t, k = interpolate(y, 0, N, 1), interpolate(y, 0, N, 2)
+    a = interpolate(y, 2, L, 1)
+    size, J = np.sqrt(dot2(n, n)), np.sqrt(dot2(t, t))
+    along = n[0] * a[1] - n[1] * a[0]
+    p = n[1] / along, -n[0] / along
+    q = a[1] * size / along, -a[0] * size / along
+    slope = t[0] + alpha * b[0], t[1] + alpha * b[1]
+    eta_xi = -dot2(p, slope)
+    gap_xi = alpha * dot2(n, b) / size - dot2(q, slope)
+    J_xi = dot2(t, k) / J
     lower, upper = 0.5 * (1.0 - s), 0.5 * (1.0 + s)
-    for k in range(6 * count):
-        dxi = lower * dends[0, k] + upper * dends[1, k]
-        rows[0, k] = dxi
-        rows[1, k] = w * (0.5 * J * (dends[1, k] - dends[0, k]) + h * J_xi * dxi)
-        rows[2, k] = eta_xi * dxi
-        rows[3, k] = gap_xi * dxi
+    for c in range(6 * count):
+        dxi = lower * dends[0, c] + upper * dends[1, c]
+        rows[0, c] = dxi
+        rows[1, c] = w * (0.5 * J * (dends[1, c] - dends[0, c]) + h * J_xi * dxi)
+        rows[2, c] = eta_xi * dxi
+        rows[3, c] = gap_xi * dxi
     for i in range(count):
         own, normal, master, f = 2 * i, 2 * (count + i), 2 * (2 * count + i), N[0, i]
         stretch = w * h * N[1, i] / J
-        rows[1, own] += stretch * tx
-        rows[1, own + 1] += stretch * ty
-        rows[2, own] -= f * px
-        rows[2, own + 1] -= f * py
-        rows[3, own] -= f * qx
-        rows[3, own + 1] -= f * qy
-        rows[2, normal] -= alpha * f * px
-        rows[2, normal + 1] -= alpha * f * py
-        rows[3, normal] += alpha * f * (nx / size - qx)
-        rows[3, normal + 1] += alpha * f * (ny / size - qy)
-        rows[2, master] += L[0, i] * px
-        rows[2, master + 1] += L[0, i] * py
-        rows[3, master] += L[0, i] * qx
-        rows[3, master + 1] += L[0, i] * qy
+        for d in range(2):
+            rows[1, own + d] += stretch * t[d]
+            rows[2, own + d] -= f * p[d]
+            rows[3, own + d] -= f * q[d]
+            rows[2, normal + d] -= alpha * f * p[d]
+            rows[3, normal + d] += alpha * f * (n[d] / size - q[d])
+            rows[2, master + d] += L[0, i] * p[d]
+            rows[3, master + d] += L[0, i] * q[d]
     return xi, w * J * h, alpha * size
 
 
@@ -305,8 +298,8 @@ def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
             c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
             for p in range(spans[i, 0], spans[i, 1]):
                 tabulate_shapes(c + h * points[p], N)
-                tx, ty = interpolate(y, 0, N, 1)
-                J = np.sqrt(tx * tx + ty * ty)
+                t = interpolate(y, 0, N, 1)
+                J = np.sqrt(dot2(t, t))
                 if thickness is not None:
                     J = J * thickness_at(theta, N, 0)
                 for j in range(facets.shape[1]):
@@ -314,18 +307,7 @@ def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
 
 
 @kernel
-def most_of(starts):
-    """Largest difference of successive ``starts`` (n + 1,)."""
-    most = 0
-    for i in range(starts.size - 1):
-        most = max(most, starts[i + 1] - starts[i])
-    return most
-
-
-@kernel
-def integrate_segments(
-    geometry, facets, segments, offsets, pair_offsets, rule, options, values, derivatives, thickness
-):
+def integrate_segments(geometry, facets, segments, offsets, pair_offsets, rule, options, thickness):
     """Evaluate D, M, the weighted gap and their derivatives on all facets.
 
     Args:
@@ -339,24 +321,30 @@ def integrate_segments(
             shape (f + 1,): all pairs with k running fastest if it is partial, else only i = k.
         rule: (s (p,), w (p,), spans (n, 2)): points of segment i are spans[i, 0]:spans[i, 1].
         options: (basis, weights of the gap, whether the ends of segments have derivatives).
-        values: (D (f, K, K), M (n, K, K), g (f, K), cover (f, K)); filled. Rows of facets without
-            segments are unchanged.
-        derivatives: (dD (n, K K, C), dM (pairs, K K, C), dg (n, K, C)) with C = 8 K - 4 columns;
-            filled. D, M, cover and dg are [length], g is [length^2], dD and dM are [1].
         thickness: (constant part at the slave nodes (n,) [length], derivative with respect to their
             first current coordinate [1]), linear between nodes, a factor of all integrals; or
             ``None`` for 1.
+
+    Returns:
+        D (f, K, K), dD (n, K, K, C), M (n, K, K), dM (pairs, K, K, C), g (f, K), dg (n, K, C) and
+        cover (f, K), with C = 8 K - 4 columns. D, M, cover and dg are [length], g is [length^2], dD
+        and dM are [1]. D, g and cover of facets without segments are zero.
     """
     x, n, dn_dx, m = geometry
     nodes, weights, partial = facets
     masters, end_is_fixed, found = segments
     s, w, spans = rule
     basis, gap_weights, move_ends = options
-    D, M, g, cover = values
-    dD, dM, dg = derivatives
     kind, count, columns = x.dtype, nodes.shape[1], 6 * nodes.shape[1]
-    most, lengths = most_of(offsets), spans[:, 1] - spans[:, 0]
-    longest = most * (np.max(lengths) if lengths.size else 0)
+    total, width = masters.shape[0], 8 * count - 4
+    D, M = np.zeros((nodes.shape[0], count, count), kind), np.empty((total, count, count), kind)
+    g, cover = np.zeros(nodes.shape, kind), np.zeros(nodes.shape, kind)
+    dD, dg = np.empty((total, count**2, width), kind), np.empty((total, count, width), kind)
+    dM = np.empty((pair_offsets[-1], count**2, width), kind)
+    most = longest = 0
+    if total > 0:
+        most = np.max(offsets[1:] - offsets[:-1])
+        longest = most * np.max(spans[:, 1] - spans[:, 0])
     points = (
         np.empty((longest, 2), kind), np.empty((longest, 4, columns), kind),
         np.empty((longest, 2, count), kind), np.empty((longest, 2, count), kind),
@@ -390,3 +378,5 @@ def integrate_segments(
             chain_normals(by_y[2][i], dn_dx, nodes[e], dg[offsets[e] + i])
         for i in range(pair_offsets[e + 1] - first_pair):
             chain_normals(by_y[1][i], dn_dx, nodes[e], dM[first_pair + i])
+    dD = dD.reshape((total, count, count, width))
+    return D, dD, M, dM.reshape((pair_offsets[-1], count, count, width)), g, dg, cover

@@ -262,9 +262,10 @@ CURVED = np.array([[[1.0, -4, 3, 0, 0], [0, 0, -3, 4, -1]], [[0, -1, 0, 1, 0], [
 
 @kernel
 def edge_frame(ex, ey):
-    """Length, unit tangent and outward unit normal of an edge: (l, tx, ty, nx, ny)."""
+    """Length, unit tangent and outward unit normal of an edge: (l, (tx, ty), (nx, ny))."""
     length = np.sqrt(ex * ex + ey * ey)
-    return length, ex / length, ey / length, ey / length, -ex / length
+    tx, ty = ex / length, ey / length
+    return length, (tx, ty), (ty, -tx)
 
 
 @kernel
@@ -274,27 +275,20 @@ def add_facet(own, other, weighting, m, dm_own, dm_other):
     ``own`` and ``other`` are frames as ``edge_frame`` returns them; ``dm_own`` and ``dm_other``
     have the shape (2, 2).
     """
-    length, tx, ty, nx, ny = own
+    length, t, n = own
     weight = 1.0 + 0.0 * length
     if weighting == OPPOSITE:
         weight = other[0]
-        dm_other[0, 0] += nx * other[1]
-        dm_other[0, 1] += nx * other[2]
-        dm_other[1, 0] += ny * other[1]
-        dm_other[1, 1] += ny * other[2]
     elif weighting == OWN:
         weight = length
-        dm_own[0, 0] += nx * tx
-        dm_own[0, 1] += nx * ty
-        dm_own[1, 0] += ny * tx
-        dm_own[1, 1] += ny * ty
-    m[0] += weight * nx
-    m[1] += weight * ny
-    weight = weight / length
-    dm_own[0, 0] -= weight * tx * nx
-    dm_own[0, 1] -= weight * tx * ny
-    dm_own[1, 0] -= weight * ty * nx
-    dm_own[1, 1] -= weight * ty * ny
+    for a in range(2):
+        m[a] += weight * n[a]
+        for b in range(2):
+            dm_own[a, b] -= weight / length * t[a] * n[b]
+            if weighting == OPPOSITE:
+                dm_other[a, b] += n[a] * other[1][b]
+            elif weighting == OWN:
+                dm_own[a, b] += n[a] * t[b]
 
 
 @kernel

@@ -165,7 +165,7 @@ def is_next(master_facets, one, other):
 
 @kernel
 def facet_segments(
-    geometry, slave, master_facets, hits, radius, limits, found, behind=None, number=0, roles=None
+    geometry, slave, master_facets, hits, radius, limits, found, behind, number, roles
 ):
     """Fill ``found`` with the segments of one slave facet; return their number.
 
@@ -177,18 +177,15 @@ def facet_segments(
         radius: Largest distance along the normal [length].
         limits: (smallest cosine [1], length in xi that is rounding [1]).
         found: Rows as in ``keep_nearest``, shape (h, 7) or longer; filled.
-        behind: As in ``is_hidden``; None skips the test.
+        behind: As in ``is_hidden``.
         number: Number of the slave facet in ``behind`` and ``roles``.
-        roles: As in ``roles.keep_masters``, if slave and master are one surface.
+        roles: As in ``sight.keep_masters``, if slave and master are one surface, else None.
     """
     x, n, m = geometry
     min_cosine, min_cover = limits
     y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
     is_node = np.empty(2, np.bool_)
-    safe = np.inf
-    if behind is not None:
-        safe = behind[0][number]
-    count = 0
+    count, safe = 0, behind[0][number]
     for hit in range(hits.size):
         if roles is not None and touch_in_a_point(roles[3], roles[0][number], hits[hit]):
             continue
@@ -200,10 +197,8 @@ def facet_segments(
         gap = gap_if_facing(y, middle, (N, L), min_cosine)
         if not abs(gap) <= radius or gap == np.inf:
             continue
-        if behind is not None:
-            facets = number, hits[hit]
-            if -gap > safe and is_hidden(y, N, middle, -gap, behind, facets):
-                continue
+        if -gap > safe and is_hidden(y, N, middle, -gap, behind, (number, hits[hit])):
+            continue
         found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
         found[count, 3] = hits[hit]
         found[count, 4], found[count, 5], found[count, 6] = is_node[0], is_node[1], gap
@@ -336,7 +331,7 @@ def find_points(geometry, slave_facets, master_facets, radius, behind, limits, p
         slave_facets: Nodes of the slave facets, shape (f, K).
         master_facets: Nodes of the master facets, shape (g, K).
         radius: Largest distance along the normal [length].
-        behind: As in ``pairing.is_hidden``.
+        behind: As in ``is_hidden``.
         limits: (smallest cosine [1], fraction of a slave facet within which a ray hits a master
             node [1]).
         points: Coordinates on each facet, -1 ... 1, increasing, shape (p,).
@@ -372,53 +367,6 @@ def find_points(geometry, slave_facets, master_facets, radius, behind, limits, p
         offsets[e + 1] = end
     rows = rows[: offsets[-1]]
     return offsets, rows[:, 0].copy(), rows[:, 1:].copy()
-
-
-@kernel
-def find_segments(geometry, slave_facets, master_facets, radius, behind, limits, roles=None):
-    """Find the segments of slave facets.
-
-    Args:
-        geometry: (x (n, 2), n (n, 2), m (k, 2)): slave positions, slave normals, master positions.
-        slave_facets: Nodes of the slave facets, shape (f, K).
-        master_facets: Nodes of the master facets, shape (g, K).
-        radius: Largest distance along the normal [length].
-        behind: As in ``pairing.is_hidden``.
-        limits: (smallest cosine of slave normal and reversed master normal [1], length in xi that
-            is rounding [1]).
-        roles: As in ``pairing.facet_segments``.
-
-    Returns:
-        Offsets (f + 1,): segments of facet e are offsets[e]:offsets[e + 1]; master facets (s,);
-        whether each end is a slave node (s, 2); ends in xi (s, 2).
-    """
-    x, n, m = geometry
-    boxes = build_tree(control_points(m, master_facets), master_facets)
-    controls = control_points(x, slave_facets), control_points(n, slave_facets)
-    hits = np.empty(boxes.shape[0] // 2, np.int64)
-    found = np.empty((64, 7))
-    offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
-    rows = np.empty((4 * slave_facets.shape[0] + 64, 7))
-    for e in range(slave_facets.shape[0]):
-        nodes = slave_facets[e]
-        near = query_strip(boxes, controls, nodes, radius, hits)
-        if near.size > found.shape[0]:
-            found = np.empty((2 * near.size, 7))
-        kept = facet_segments(
-            geometry, nodes, master_facets, near, radius, limits, found, behind, e, roles
-        )
-        start = offsets[e]
-        rows = grown(rows, start, start + kept)
-        copy_rows(found, kept, rows, start)
-        offsets[e + 1] = start + kept
-    count = offsets[-1]
-    masters, end_is_node = np.empty(count, np.int64), np.empty((count, 2), np.bool_)
-    ends = np.empty((count, 2))
-    for i in range(count):
-        masters[i] = int(rows[i, 3])
-        for k in range(2):
-            ends[i, k], end_is_node[i, k] = rows[i, 1 + k], rows[i, 4 + k] != 0.0
-    return offsets, masters, end_is_node, ends
 
 
 @kernel
@@ -462,16 +410,57 @@ def couple_segments(offsets, ends, end_is_fixed, functions_move):
 
 
 @kernel
-def find_segments_within(geometry, slave_facets, master_facets, radius, bodies, outline, rounding,
-                         limits, roles, functions_move):  # fmt: skip
-    """Results of ``find_segments``, and of ``couple_segments`` for them.
+def find_segments(geometry, slave_facets, master_facets, radius, bodies, outline, rounding, limits,
+                  roles, functions_move):  # fmt: skip
+    """Find the segments of slave facets.
 
-    The ``behind`` is made of ``bodies``, ``outline`` and ``rounding``.
+    In each call from Python numba determines the types of tuples of more than four arrays again,
+    which takes 0.2 ms: the argument ``behind`` of ``is_hidden`` is composed here.
 
-    Entry point from Python: in each call numba determines the types of tuples of more than four
-    arrays again, which takes 0.2 ms.
+    Args:
+        geometry: (x (n, 2), n (n, 2), m (k, 2)): slave positions, slave normals, master positions.
+        slave_facets: Nodes of the slave facets, shape (f, K).
+        master_facets: Nodes of the master facets, shape (g, K).
+        radius: Largest distance along the normal [length].
+        bodies: The first three parts of ``behind``.
+        outline: The fourth part.
+        rounding: The fifth part.
+        limits: (smallest cosine of slave normal and reversed master normal [1], length in xi that
+            is rounding [1]).
+        roles: As in ``facet_segments``.
+        functions_move: See ``couple_segments``.
+
+    Returns:
+        Offsets (f + 1,): segments of facet e are offsets[e]:offsets[e + 1]; master facets (s,);
+        whether each end is a slave node (s, 2); ends in xi (s, 2); results of ``couple_segments``.
     """
+    x, n, m = geometry
     safe, slave_bodies, master_bodies = bodies
-    behind = (safe, slave_bodies, master_bodies, outline, rounding)
-    found = find_segments(geometry, slave_facets, master_facets, radius, behind, limits, roles)
-    return found, couple_segments(found[0], found[3], found[2], functions_move)
+    behind = safe, slave_bodies, master_bodies, outline, rounding
+    boxes = build_tree(control_points(m, master_facets), master_facets)
+    controls = control_points(x, slave_facets), control_points(n, slave_facets)
+    hits = np.empty(boxes.shape[0] // 2, np.int64)
+    found = np.empty((64, 7))
+    offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
+    rows = np.empty((4 * slave_facets.shape[0] + 64, 7))
+    for e in range(slave_facets.shape[0]):
+        nodes = slave_facets[e]
+        near = query_strip(boxes, controls, nodes, radius, hits)
+        if near.size > found.shape[0]:
+            found = np.empty((2 * near.size, 7))
+        kept = facet_segments(
+            geometry, nodes, master_facets, near, radius, limits, found, behind, e, roles
+        )
+        start = offsets[e]
+        rows = grown(rows, start, start + kept)
+        copy_rows(found, kept, rows, start)
+        offsets[e + 1] = start + kept
+    count = offsets[-1]
+    masters, end_is_node = np.empty(count, np.int64), np.empty((count, 2), np.bool_)
+    ends = np.empty((count, 2))
+    for i in range(count):
+        masters[i] = int(rows[i, 3])
+        for k in range(2):
+            ends[i, k], end_is_node[i, k] = rows[i, 1 + k], rows[i, 4 + k] != 0.0
+    couples = couple_segments(offsets, ends, end_is_node, functions_move)
+    return offsets, masters, end_is_node, ends, couples

@@ -15,7 +15,12 @@ import numpy as np
 from scipy.linalg import LinAlgError, inv, lapack
 from scipy.sparse import csr_array
 
-from fenics_mortar.la.solver import column_groups, factored_bulk, factored_bulk_by_cholmod
+from fenics_mortar.la.solver import (
+    column_groups,
+    factored_bulk,
+    factored_by_cholmod,
+    supported,
+)
 from fenics_mortar.la.sparse import SomeRows, is_indefinite, schur_complement
 from fenics_mortar.utils.arrays import SOLVED, Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
@@ -130,14 +135,14 @@ class Compliance:
         self._num_solves += 1
         if self._num_solves == MANY_SOLVES and self._bulk.comm.size == 1:
             self._bulk.assemble_tangent()  # a step on all dofs may have added terms to it
-            faster = factored_bulk_by_cholmod(self._bulk, self._prefix)
+            faster = factored_by_cholmod(supported(self._bulk), self._prefix)
             if faster is not None:
                 self._factors.destroy()
                 self._factors = faster
         return self._solve(force)
 
     def _solve(self, force: PETSc.Vec) -> PETSc.Vec:
-        """See ``solve``, by the present factors."""
+        """Solve by the present factors."""
         force.array[self._bulk.prescribed_dofs] = 0.0
         response = force.duplicate()
         self._factors.apply(force, response)

@@ -42,14 +42,12 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from fenics_mortar.contact.rows import Rows
-from fenics_mortar.interface.mortar import Block
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.options import (
@@ -73,54 +71,40 @@ from fenics_mortar.la.sparse import (
 )
 from fenics_mortar.la.system import LinearSystem, SaddleSystem, renumbered
 from fenics_mortar.utils import errors
-from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
+from fenics_mortar.utils.arrays import Array, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.interface.mortar import Block
 
 
-class Elimination:
-    """The matrix R.
+class ContactColumns:
+    """A matrix with a row for each contact dof and a column for each multiplier, as R.
 
     Args:
-        comm: Communicator.
+        system: Numbering of the multipliers.
         rows: The contact dofs.
-        first: Number of the first component of this rank's multipliers.
-        size: Number of these components.
+        entries: Numbers of contact dofs, of multiplier components of any rank, and values [1];
+            those of all ranks are summed.
 
     Attributes:
         entries: Rows, columns and values of the entries [1] in the columns of this rank.
     """
 
-    def __init__(self, comm: MPI.Comm, rows: SomeRows, first: int, size: int) -> None:
-        self._comm, self._rows, self._first, self._size = comm, rows, first, size
-        self.entries: Entries
-
-    def set_entries(self, i: Indices, j: Indices, v: Array) -> None:
-        """Set the entries to the sum of those of all ranks (collective).
-
-        Args:
-            i: Numbers of contact dofs, shape (entries,).
-            j: Numbers of multiplier components of any rank, of that shape.
-            v: Values [1], of that shape.
-        """
-        j = j - self._first
+    def __init__(self, system: LinearSystem, rows: SomeRows, entries: Entries) -> None:
+        self._comm, self._rows, self._size = system.comm, rows, system.num_z_dofs
+        first, (i, j, v) = system.first_z_dof, entries
         if self._comm.size > 1:
-            is_mine = self._has(j)
-            others = i[~is_mine], j[~is_mine] + self._first, v[~is_mine]
-            parts = [(i[is_mine], j[is_mine], v[is_mine])]
-            for rows, columns, values in self._comm.allgather(others):
-                here = self._has(columns - self._first)
-                parts.append((rows[here], columns[here] - self._first, values[here]))
+            mine = (j >= first) & (j < first + self._size)
+            parts = [(i[mine], j[mine], v[mine])]
+            for others, columns, values in self._comm.allgather((i[~mine], j[~mine], v[~mine])):
+                here = (columns >= first) & (columns < first + self._size)
+                parts.append((others[here], columns[here], values[here]))
             i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-        self.entries = i, j, v
-
-    def _has(self, j: Indices) -> Flags:
-        """Whether multipliers are those of this rank, shape of ``j``, bool (local)."""
-        return (j >= 0) & (j < self._size)
+        self.entries: Entries = i, j - first, v
 
     def times(self, values: Array) -> Array:
         """R x [unit of x] in the owned contact dofs, for ``values`` x of this rank (collective)."""
@@ -165,9 +149,8 @@ class CondensedSystem(LinearSystem):
         self._rows_of_sides = [
             [self._rows.number(side.dofs) for side in (c.slave, c.master)] for c in contacts
         ]
-        self._R = Elimination(self.comm, self._rows, self.first_z_dof, self.num_z_dofs)
+        self._R: ContactColumns
         self._slave_K: Any = None
-        self._vectors: Any = None  # with the layout of the columns and rows of K_S
         dofs = np.empty(self.num_z_dofs, np.int64)
         for contact, _, owned, local in self._numbered:
             dofs[local] = contact.components.dofs[owned]
@@ -187,9 +170,10 @@ class CondensedSystem(LinearSystem):
         entries = self._R_entries(pair_rows, inverses)
         if self.bulk.space.dim == 2 and self._update_pattern():
             self._extend_pattern(entries)
-        self._R.set_entries(*entries)
+        self._R = ContactColumns(self, self._rows, entries)
         build = self._add_to_tangent if self.bulk.space.dim == 2 else self._without_pattern
-        self.matrix = build(self._C_blocks(pair_rows))
+        slave_dofs = [contact.components.dofs for contact in self.contacts]
+        self.matrix = build(self.law_blocks(pair_rows, slave_dofs))
         self._collect_rows(pair_rows, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)
 
@@ -244,7 +228,7 @@ class CondensedSystem(LinearSystem):
         rows, size = self._rows, self.bulk.num_owned
         of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
         small = BlockMatrix(self.comm, rows.local.size, size).assemble(
-            rows.renumbered(self._derivative_zeros())
+            rows.renumbered(self.derivative_zeros())
         )
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
@@ -262,15 +246,6 @@ class CondensedSystem(LinearSystem):
                 matrix.destroy()
         self._slave_K = None
         self.solver.reset_pattern()
-
-    def _C_blocks(self, pair_rows: Sequence[Rows]) -> list[Block]:
-        """C in the rows of the slave's dofs."""
-        blocks = []
-        for contact, own in zip(self.contacts, pair_rows, strict=True):
-            dofs = contact.components.dofs.ravel()
-            for rows, columns, values in own.blocks:
-                blocks.append(Block(dofs[rows], columns, values))
-        return blocks
 
     def _R_entries(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> Entries:
         """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of components."""
@@ -294,12 +269,6 @@ class CondensedSystem(LinearSystem):
                 i, j, v = map(np.append, (i, j, v), more)
         return i, j, v
 
-    def _derivative_zeros(self) -> Iterator[Block]:
-        """Zeros for possible derivatives of forces, gaps and fluxes."""
-        for contact, coupling in zip(self.contacts, self._couplings, strict=True):
-            yield coupling.derivative_pattern()
-            yield from (coupling.flux_pattern(flux) for flux in contact.fluxes)
-
     def _R_zeros(self) -> Iterator[Block]:
         """Zeros for possible entries of R."""
         for (contact, z_dofs), coupling in zip(self.numbered(), self._couplings, strict=True):
@@ -311,7 +280,11 @@ class CondensedSystem(LinearSystem):
     # Solution
 
     def step(self, distance: Array) -> Array:
-        """See ``LinearSystem``; rows with Z = 0 have a zero right-hand side in a Newton step."""
+        """Increment and new multipliers of a Newton iteration, as one vector (collective).
+
+        In the units of ``LinearSystem``, see ``LinearSystem.step``; rows with Z = 0 have a zero
+        right-hand side.
+        """
         return self._eliminate(self._newton_force(distance), self._law_rhs)
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
@@ -323,7 +296,10 @@ class CondensedSystem(LinearSystem):
         """Solve A x = [f, h], components with Z = 0 included (collective)."""
         left_out = self._solve_left_out(h)
         if self._partly_prescribed:
-            f = f - self._prescribed_forces(left_out)
+            forces = np.zeros_like(f)
+            forces[self._rows.local] = self._prescribed_columns().times(left_out)
+            forces[self.bulk.prescribed_dofs] = 0.0
+            f = f - forces
         x = self._eliminate(f, np.where(self._Z == 0.0, 0.0, h))
         x[self.bulk.num_owned :] += left_out
         return x
@@ -336,9 +312,7 @@ class CondensedSystem(LinearSystem):
         rhs += np.bincount(slave, h, rhs.size)  # a node may be a slave of several pairs
         rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self.solver.solve(self.matrix, rhs)
-        if self._vectors is None:
-            self._vectors = self._slave_K.createVecs()
-        forces = _times(self._slave_K, dd, self._vectors)
+        forces = _times(self._slave_K, dd)
         return np.concatenate([dd, self._Z * (f[slave] - forces)])
 
     def _solve_transposed(self, a: Array, b: Array) -> Array:
@@ -352,8 +326,9 @@ class CondensedSystem(LinearSystem):
         y = w.copy()
         gathered = t + self._R.transposed_times(w[self._rows.local])
         np.add.at(y, slave, gathered)
-        forces = self._at_prescribed(y) if self._partly_prescribed else np.zeros_like(b)
-        multipliers = np.where(self._Z == 0.0, self._solve_left_out(b - forces), w[slave])
+        if self._partly_prescribed:
+            b = b - self._prescribed_columns().transposed_times(y[self._rows.local])
+        multipliers = np.where(self._Z == 0.0, self._solve_left_out(b), w[slave])
         y[prescribed] = at_prescribed
         return np.concatenate([y, multipliers])
 
@@ -361,50 +336,24 @@ class CondensedSystem(LinearSystem):
         """Solve the rows A_z z = h of components with Z = 0; zero for others (local)."""
         return np.divide(h, self._A_z, out=np.zeros_like(h), where=self._Z == 0.0)
 
-    def _prescribed_forces(self, z: Array) -> Array:
-        """B^T z on the free owned dofs, for prescribed components of multipliers (collective)."""
-        forces, B_T = np.zeros(self.bulk.num_owned), self._prescribed_columns()
-        forces[self._rows.local] = _times(B_T, z)
-        forces[self.bulk.prescribed_dofs] = 0.0
-        B_T.destroy()
-        return forces
-
-    def _at_prescribed(self, y: Array) -> Array:
-        """B y, for prescribed components of multipliers (collective)."""
-        B_T = self._prescribed_columns()
-        products = _times(B_T, y[self._rows.local], transpose=True)
-        B_T.destroy()
-        return products
-
-    def _prescribed_columns(self) -> PETSc.Mat:
-        """B^T for prescribed components of acting multipliers, in rows of contact nodes."""
+    def _prescribed_columns(self) -> ContactColumns:
+        """B^T for prescribed components of acting multipliers (collective)."""
         blocks = chain.from_iterable(
             renumbered(contact.load_blocks(), z_dofs, 1.0 - contact.components.free)
             for contact, z_dofs in self.numbered()
         )
-        sizes = self._rows.local.size, self.num_z_dofs
-        return BlockMatrix(self.comm, *sizes).assemble(self._rows.renumbered(blocks))
+        return ContactColumns(self, self._rows, flatten(self._rows.renumbered(blocks)))
 
 
-def _times(
-    matrix: PETSc.Mat,
-    values: Array,
-    vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None,
-    *,
-    transpose: bool = False,
-) -> Array:
-    """Product of a matrix, or its transpose, with the local part of a vector (collective).
-
-    ``vectors``, with the layout of columns and rows, are overwritten; new ones by default.
-    """
-    right, left = vectors or matrix.createVecs()
+def _times(matrix: PETSc.Mat, values: Array, *, transpose: bool = False) -> Array:
+    """Product of a matrix, or its transpose, with the local part of a vector (collective)."""
+    right, left = matrix.createVecs()
     source, target = (left, right) if transpose else (right, left)
     source.array[:] = values
     (matrix.multTranspose if transpose else matrix.mult)(source, target)
     product = target.array_r.copy()
-    if vectors is None:
-        right.destroy()
-        left.destroy()
+    right.destroy()
+    left.destroy()
     return product
 
 
@@ -435,9 +384,6 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
     return None
 
 
-SYSTEMS: dict[str, type[LinearSystem]] = {"condensed": CondensedSystem, "saddle": SaddleSystem}
-
-
 def system_of(
     bulk: Bulk,
     contacts: Sequence[Interface],
@@ -466,7 +412,7 @@ def system_of(
         algorithm = "saddle" if why else "condensed"
     else:
         why = f"algorithm='{algorithm}'"
-    form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
+    form = CondensedSystem if algorithm == "condensed" else SaddleSystem
     automatic = solver == "auto"
     with_itself = next((c.slave.name for c in contacts if c.slave is c.master), "")
     if with_itself and solver == "iterative":

@@ -60,7 +60,7 @@ instead of the whole matrix.
 
 In the plane the matrix is factored without pivoting, which takes half of the time, until the
 residual of a solution shows that pivots are needed, as with rows of multipliers. In space MUMPS
-factors it without the zeros of its pattern, on all ranks together.
+factors it, on all ranks together.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ from fenics_mortar.la.options import (
     WITHOUT_PIVOTING,
     options_added,
 )
-from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric, without_zeros
+from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.touching import (
     rigid_motions_along,
     tangential_axes,
@@ -153,8 +153,10 @@ class Strip:
         if not on_all_ranks(self._comm, same):
             self.forget_pattern(keep_factors=keep)
             self._pattern = pattern
+        first, _ = A.getOwnershipRange()
         whole, solved, touched = (
-            self._numbers_in(A, rows) for rows in (self._rows, self._solved, self._touched)
+            PETSc.IS().createGeneral((rows + first).astype(PETSc.IntType), self._comm)
+            for rows in (self._rows, self._solved, self._touched)
         )
         self._columns = A.createSubMatrix(touched, solved, self._columns)
         self._on_solved, self._on_touched = self._columns.createVecs()
@@ -162,9 +164,6 @@ class Strip:
         if keep:
             return
         self._matrix = A.createSubMatrix(whole, whole, self._matrix)
-        if not self._in_plane:
-            whole_pattern, self._matrix = self._matrix, without_zeros(self._matrix)
-            whole_pattern.destroy()
         self._b, self._x = self._matrix.createVecs()
         self._compute_factors()
         if self._options is STRIP_FACTORS and not self._is_accurate():
@@ -240,16 +239,6 @@ class Strip:
         self._on_touched.array[:] = x.array_r[self._touched]
         self._columns.multTranspose(self._on_touched, self._on_solved)
         b.array[self._solved] -= self._on_solved.array_r
-
-    def _numbers_in(self, A: PETSc.Mat, rows: Indices) -> PETSc.IS:
-        """Global numbers of local rows."""
-        first, _ = A.getOwnershipRange()
-        return PETSc.IS().createGeneral((rows + first).astype(PETSc.IntType), self._comm)
-
-
-def dofs_near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
-    """Owned dofs, shape (n,), within ``layers`` of cells of the surfaces (collective)."""
-    return _with_neighbours(bulk, dofs_of(surfaces), layers)
 
 
 def dofs_of(surfaces: Sequence[Surface]) -> Indices:
@@ -628,7 +617,7 @@ def _digits(reduction: float) -> float:
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
     """Global dofs (n, dim) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
-    return dofs[np.isin(dofs[:, 0], dofs_near(bulk, [surface], 1))] + bulk.first
+    return dofs[np.isin(dofs[:, 0], _with_neighbours(bulk, dofs_of([surface]), 1))] + bulk.first
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:

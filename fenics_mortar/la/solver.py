@@ -33,7 +33,7 @@ from fenics_mortar.la.options import (
     options_added,
     with_defaults,
 )
-from fenics_mortar.la.sparse import WithoutZeros, leave
+from fenics_mortar.la.sparse import leave
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import LAST_DIGITS, TINY, Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
@@ -121,15 +121,10 @@ def factored_bulk(bulk: Bulk, prefix: str, rest: Indices | None = None) -> PETSc
         prefix: Prefix of PETSc's options.
         rest: See above.
     """
-    return factored(_supported(bulk), prefix, rest)
+    return factored(supported(bulk), prefix, rest)
 
 
-def factored_bulk_by_cholmod(bulk: Bulk, prefix: str) -> PETSc.PC | None:
-    """As ``factored_bulk``, see ``factored_by_cholmod`` (local)."""
-    return factored_by_cholmod(_supported(bulk), prefix)
-
-
-def _supported(bulk: Bulk) -> PETSc.Mat:
+def supported(bulk: Bulk) -> PETSc.Mat:
     """The bulk tangent with the prescribed dofs fixed (collective)."""
     prescribed = PETSc.IS().createGeneral(
         (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType), bulk.comm
@@ -151,44 +146,14 @@ STEPS = 10
 REASON = PETSc.KSP.ConvergedReason
 
 
-class LaggedFactors:
-    """GMRES preconditioned by factors of an earlier matrix.
-
-    Args:
-        pc: The factors, which remain unchanged.
-    """
-
-    def __init__(self, pc: PETSc.PC) -> None:
-        self._pc = pc
-        self._ksp = PETSc.KSP().create(pc.comm)
-        self._ksp.setType(PETSc.KSP.Type.GMRES)
-        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        self._ksp.setGMRESRestart(STEPS)
-        self._ksp.setPC(pc)
-
-    def solve(
-        self, matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, tolerance: float
-    ) -> bool:
-        """Solve with ``matrix`` in at most ``STEPS`` steps.
-
-        Args:
-            matrix: A, of the size of the factored matrix.
-            rhs: Right-hand side [unit of the system].
-            solution: The solution; filled.
-            tolerance: Largest relative residual [1].
-
-        Returns:
-            Whether the tolerance was reached.
-        """
-        _, factored = self._pc.getOperators()
-        self._ksp.setConvergenceTest(_judge, (tolerance, []))
-        self._pc.setReusePreconditioner(True)
-        try:
-            self._ksp.setOperators(matrix, factored)
-            self._ksp.solve(rhs, solution)
-        finally:
-            self._pc.setReusePreconditioner(False)
-        return bool(self._ksp.getConvergedReason() > 0)
+def _gmres_with(pc: PETSc.PC) -> PETSc.KSP:
+    """GMRES preconditioned by factors of an earlier matrix (collective)."""
+    ksp = PETSc.KSP().create(pc.comm)
+    ksp.setType(PETSc.KSP.Type.GMRES)
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
+    ksp.setGMRESRestart(STEPS)
+    ksp.setPC(pc)
+    return ksp
 
 
 def _judge(
@@ -239,8 +204,7 @@ class LinearSolver:
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
         long_factors: Whether a factorization takes ten to a hundred times as long as a solution,
-            as in space: factors by MUMPS, too, serve further iterations of a load step, and zeros
-            of the pattern are not factored.
+            as in space: factors by MUMPS, too, serve further iterations of a load step.
         remark: Message on such a change of the solver or on unused options; else "".
         reason: Why this solver was chosen, as text; "" if unknown.
         given: Names of PETSc options given by the user, without the prefix.
@@ -295,8 +259,7 @@ class LinearSolver:
         self._reads_options = True
         self._vectors: list[PETSc.Vec] = []
         self._in_blocks: NodeBlocks | None = None
-        self._nonzeros = WithoutZeros()
-        self._lagged: LaggedFactors | None = None
+        self._gmres: PETSc.KSP | None = None
 
     def _reset(self) -> None:
         self.ksp.reset()
@@ -392,11 +355,19 @@ class LinearSolver:
 
     def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:
         """Solution by GMRES with the last factors, ``None`` if it takes too many steps."""
-        if self._lagged is None:
-            self._lagged = LaggedFactors(self.ksp.getPC())
-        rhs, solution, *_ = self._vectors
+        pc, (rhs, solution, *_) = self.ksp.getPC(), self._vectors
+        _, factored_matrix = pc.getOperators()
+        if self._gmres is None:
+            self._gmres = _gmres_with(pc)
         rhs.array[:] = values
-        if not self._lagged.solve(matrix, rhs, solution, self.forcing):
+        self._gmres.setConvergenceTest(_judge, (self.forcing, []))
+        pc.setReusePreconditioner(True)
+        try:
+            self._gmres.setOperators(matrix, factored_matrix)
+            self._gmres.solve(rhs, solution)
+        finally:
+            pc.setReusePreconditioner(False)
+        if self._gmres.getConvergedReason() <= 0:
             return None
         self.forcing = 0.0
         self._num_lagged += 1
@@ -420,7 +391,7 @@ class LinearSolver:
         rhs, solution, defect, correction = self._vectors
         rhs.array[:] = values
         solution.set(0.0)
-        self.ksp.setOperators(matrix, self._to_factor(matrix))
+        self.ksp.setOperators(matrix, matrix if self._pivots else self._blocks_of(matrix))
         try:
             self._run(rhs, solution, transpose)
         except MortarError as error:
@@ -438,12 +409,6 @@ class LinearSolver:
             return solution, ""
         size_of_rest = f"relative residual {relative:.1e} (allowed {self._allowed:g})"
         return solution, f", {self._describe(reason)}, {size_of_rest}"
-
-    def _to_factor(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The matrix in the form of which factors are made."""
-        if not self._pivots:
-            return self._blocks_of(matrix)
-        return self._nonzeros.of(matrix) if self._is_direct and self.long_factors else matrix
 
     def _blocks_of(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The matrix stored in blocks of the two dofs of a node, if its rows come in such pairs.

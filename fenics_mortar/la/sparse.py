@@ -8,8 +8,7 @@ In the plane the pattern of a system has zeros for all that may come into contac
 that an elimination order serves many matrices. In space these were most of the entries, 3 of 3.5
 million of 11,000 unknowns; on two ranks, making the pattern took half of a solve with 53,000
 unknowns, and a third of the memory. There the rows of contact of the present state are summed
-and added to those of the bodies, as a new matrix. Factors leave out its zeros, as in the rows of
-prescribed dofs.
+and added to those of the bodies, as a new matrix.
 """
 
 from __future__ import annotations
@@ -29,11 +28,9 @@ from fenics_mortar.interface.mortar import Block, entries_of
 from fenics_mortar.kernels.blocks import add_rows, pack_product, pack_rows, sum_rows
 from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Indices
 from fenics_mortar.utils.compat import POINTER, petsc_function
-from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import on_all_ranks
 
 _set_pattern = petsc_function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
-_set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int, checked=False)
+_set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
 _set_schur_rows = petsc_function("MatFactorSetSchurIS", POINTER, POINTER)
 _create_schur = petsc_function("MatFactorCreateSchurComplement", *3 * [POINTER])
 _get_array = petsc_function("MatDenseGetArrayRead", POINTER, POINTER)
@@ -45,7 +42,7 @@ Entries = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
 
 
 class BlockMatrix:
-    """A matrix that is filled repeatedly from blocks; its pattern is reused while unchanged.
+    """A matrix that is made from blocks, each time anew.
 
     Args:
         comm: Communicator (all methods are collective).
@@ -61,7 +58,6 @@ class BlockMatrix:
         self._comm = comm
         self._sizes = ((rows, None), (columns, None))
         self._block_size = block_size
-        self._pattern: tuple[npt.NDArray, npt.NDArray] | None = None
         self.mat: Any = None
 
     def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:
@@ -72,32 +68,19 @@ class BlockMatrix:
         """Sum entries into the matrix and return it.
 
         Args:
-            i: Rows, shape (entries,), of PETSc's type of integers.
-            j: Columns, of that shape and type.
+            i: Rows, shape (entries,), of PETSc's type of integers; overwritten by PETSc.
+            j: Columns, of that shape and type; overwritten.
             v: Values, shape (entries,).
         """
-        same = False
-        if self._pattern is not None:
-            before, after = self._pattern
-            same = before.size == i.size and bool((before == i).all() and (after == j).all())
-        if not on_all_ranks(self._comm, same):
-            self._new_pattern(i, j)
-        code = _set_values(self.mat.handle, v.ctypes.data, 1)
-        if code:
-            raise MortarError(f"PETSc rejected values in coordinate form, error {code}")
-        return self.mat
-
-    def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:
         if self.mat is not None:
             self.mat.destroy()
-        self._pattern = None  # until the matrix is created
         self.mat = PETSc.Mat().create(self._comm)
         self.mat.setSizes(self._sizes)
         self.mat.setType(PETSc.Mat.Type.AIJ)
         self.mat.setBlockSize(self._block_size)
-        rows, columns = i.copy(), j.copy()  # PETSc overwrites them
-        _set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data)
-        self._pattern = (i, j)
+        _set_pattern(self.mat.handle, i.size, i.ctypes.data, j.ctypes.data)
+        _set_values(self.mat.handle, v.ctypes.data, 1)
+        return self.mat
 
 
 class Product(NamedTuple):
@@ -342,37 +325,3 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     K.mult(x, Kx)
     K.mult(y, Ky)
     return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())
-
-
-class WithoutZeros:
-    """Copy of a matrix without its zeros; a new one is made when the matrix has changed."""
-
-    def __init__(self) -> None:
-        self._copied: tuple[Any, int] = None, -1
-        self._copy: PETSc.Mat | None = None
-
-    def of(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The copy of a matrix; its diagonal is kept (collective)."""
-        copied, state = self._copied
-        if self._copy is None or copied is not matrix or matrix.stateGet() != state:
-            self.forget()
-            self._copied = matrix, matrix.stateGet()
-            self._copy = without_zeros(matrix)
-        return self._copy
-
-    def forget(self) -> None:
-        """Destroy the copy (collective)."""
-        if self._copy is not None:
-            self._copy.destroy()
-        self._copy = None
-
-
-def without_zeros(matrix: PETSc.Mat) -> PETSc.Mat:
-    """A new matrix with the entries that are not zero, and with the diagonal (collective)."""
-    starts, columns, values = matrix.getValuesCSR()
-    first, _ = matrix.getOwnershipRange()
-    rows = np.repeat(np.arange(len(starts) - 1, dtype=columns.dtype), np.diff(starts))
-    kept = (values != 0.0) | (columns == first + rows)
-    starts = np.concatenate([[0], np.cumsum(np.bincount(rows[kept], minlength=len(starts) - 1))])
-    csr = starts.astype(columns.dtype), columns[kept], values[kept]
-    return PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)

@@ -202,7 +202,7 @@ class LinearSystem(ABC):
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
                 blocks += contact.now.acting.force_derivative(contact.z_u)
-            for flux in contact.fluxes:
+            for flux in contact.conductances:
                 blocks += flux.derivative()
         return blocks
 
@@ -215,12 +215,26 @@ class LinearSystem(ABC):
         for contact, z_dofs in self.numbered():
             yield from renumbered(contact.load_blocks(), z_dofs, self.scale(contact))
 
-    def law_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
-        """Blocks of C, by the rows of each contact; rows are numbers of components."""
-        for z_dofs, own in zip(self.z_dofs, pair_rows, strict=True):
-            numbers = z_dofs.ravel()
-            for block in own.blocks:
-                yield Block(numbers[block.rows], block.columns, block.values)
+    def law_blocks(
+        self, pair_rows: Sequence[Rows], numbers: Sequence[Indices] | None = None
+    ) -> list[Block]:
+        """Blocks of C, by the rows of each contact.
+
+        Args:
+            pair_rows: The rows.
+            numbers: Numbers of the rows, shape of ``z`` per contact; by default ``z_dofs``.
+        """
+        blocks = []
+        for of_rows, own in zip(numbers or self.z_dofs, pair_rows, strict=True):
+            for rows, columns, values in own.blocks:
+                blocks.append(Block(of_rows.ravel()[rows], columns, values))
+        return blocks
+
+    def derivative_zeros(self) -> Iterator[Block]:
+        """Zeros for possible derivatives of forces, gaps and fluxes."""
+        for contact, coupling in zip(self.contacts, self._couplings, strict=True):
+            yield coupling.derivative_pattern()
+            yield from (coupling.flux_pattern(flux) for flux in contact.fluxes)
 
     def multiplier_blocks(self, pair_rows: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of A_z for zeta, of the multipliers owned here."""
@@ -278,7 +292,8 @@ class LinearSystem(ABC):
         bulk = self.bulk
         own = bulk.diagonal[bulk.prescribed_dofs]
         self._prescribed_scale = np.where(own > 0.0, own, bulk.stiffness)
-        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        # in space the matrix is a new one each time, and its factors need no zeros
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, bulk.space.dim == 2)
         rows = (bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
         matrix.zeroRows(rows, diag=1.0)
         diagonal = matrix.getDiagonal()
@@ -293,7 +308,7 @@ class LinearSystem(ABC):
         """
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
         for contact in self.contacts:
-            for flux in contact.fluxes:
+            for flux in contact.conductances:
                 flux.add_newton_loads(f)
         f[self.bulk.prescribed_dofs] = distance
         return f
@@ -363,16 +378,15 @@ class SaddleSystem(LinearSystem):
 
     def _zero_blocks(self) -> Iterator[Part]:
         """Zeros for possible entries of K_c, B^T and C; A_z has a fixed pattern."""
+        yield DOF, DOF, self.derivative_zeros()
         for (contact, z_dofs), coupling in zip(self.numbered(), self._couplings, strict=True):
             own, dim = contact.slave.owned, contact.slave.dim
             dofs, multipliers = coupling.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
             numbers = z_dofs[np.append(multipliers, own), :dim].reshape(-1, 1)
             nodes, coupled = coupling.law_pattern()
-            yield DOF, DOF, [coupling.derivative_pattern()]
             yield DOF, MULTIPLIER, [zero_block(dofs, numbers)]
             for flux in contact.fluxes:
-                yield DOF, DOF, [coupling.flux_pattern(flux)]
                 rows, carriers = coupling.flux_force_pattern(flux)
                 yield DOF, MULTIPLIER, [zero_block(rows, z_dofs[carriers, :dim])]
             yield MULTIPLIER, DOF, [zero_block(z_dofs[nodes, :dim], coupled)]

@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_array, csr_array
 
-from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, rigid_motions
+from fenics_mortar.bulk.bodies import centre_and_size, label_bodies
 from fenics_mortar.bulk.node_blocks import CSR, LocalRows, from_local_csr, local_csr
 from fenics_mortar.kernels.node_blocks import turn_blocks
 from fenics_mortar.la.sparse import SomeRows, with_rows
+from fenics_mortar.obstacles.rigid_motion import rigid_motions
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Indices
 
 if TYPE_CHECKING:

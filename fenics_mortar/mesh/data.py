@@ -191,11 +191,8 @@ class MeshData:
         if self.facet_tags is None or self.facet_tags.dim != dim:
             given = "missing" if self.facet_tags is None else f"of dimension {self.facet_tags.dim}"
             raise MeshError(f"facet_tags are {given}; expected tags of dimension {dim}")
-        names = as_list(names)
-        if len(names) == 0:
-            raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
-        facets = [self.facet_tags.find(self.boundary_tag(name)) for name in names]
-        for name, found in zip(names, facets):
+        facets = [self.facet_tags.find(tag) for tag in self.boundary_tags(names)]
+        for name, found in zip(as_list(names), facets):
             if self.mesh.comm.allreduce(found.size) == 0:
                 raise MeshError(f"boundary {name!r} has no facets; the mesh has {self._tagged()}")
         return np.unique(np.concatenate(facets))

@@ -190,6 +190,7 @@ def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArr
         )
     kind = KINDS[dim, nodes.shape[1]]
     _check_cells(x, nodes)
+    check_different(x, nodes)
     body_of_cell = _body_of_cell(bodies, x, nodes)
     facets, tags = _facets(boundaries, x, nodes, kind)
     check_joined(x, nodes, facets, tags)
@@ -199,6 +200,20 @@ def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArr
     num_nodes = nodes.shape[1]
     tagged = Tagged(dim, num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
     return CheckedArrays(x, nodes, tagged)
+
+
+def check_different(x: Array, cells: Indices) -> None:
+    """Reject copies of cells (m, k), which crash dolfinx; their nodes are at ``x`` (local).
+
+    Raises:
+        MeshError: The message has the place of one.
+    """
+    _, first, count = np.unique(codes_of(cells, len(x)), return_index=True, return_counts=True)
+    if (count > 1).any():
+        where = format_point(x[cells[first[count.argmax()]]].mean(axis=0))
+        raise MeshError(
+            f"{(count - 1).sum()} cells are duplicates, one at {where}: remove the copies"
+        )
 
 
 def check_joined(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
@@ -262,7 +277,7 @@ def _numbers(what: str, given: Any) -> Indices:
 
 
 def _check_cells(x: Array, cells: Indices) -> None:
-    """Raise for unknown or repeated nodes, and for duplicates, which crash dolfinx (local)."""
+    """Raise for unknown or repeated nodes (local)."""
     if cells.min() < 0 or cells.max() >= len(x):
         wrong = cells.min() if cells.min() < 0 else cells.max()
         raise MeshError(f"a cell has the node {wrong}; the points are 0 to {len(x) - 1}")
@@ -270,10 +285,6 @@ def _check_cells(x: Array, cells: Indices) -> None:
     repeated = np.flatnonzero((rows[:, 1:] == rows[:, :-1]).any(axis=1))
     if repeated.size:
         raise MeshError(f"cell {repeated[0]} has a node twice: {cells[repeated[0]].tolist()}")
-    _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
-    if (count > 1).any():
-        where = format_point(x[cells[first[count.argmax()]]].mean(axis=0))
-        raise MeshError(f"{(count - 1).sum()} cells are duplicates, one at {where}")
 
 
 def _named(what: str, given: Any) -> list[tuple[str, Any]]:

@@ -5,16 +5,16 @@ In the plane physical groups of dimension 2 are bodies, those of dimension 1 bou
 those of dimension 3 and 2. Wherever a name is
 expected, the integer tag of the group is accepted as well.
 
-Meshes of gmsh: those of its live models, and of .msh files of format 4.1.
+Meshes of gmsh: those of its live models, and of .msh files of the formats 4.1 and 2.2.
 
 The sections of physical names, entities, nodes and elements are read, as text or binary, without
-gmsh, whose import takes longer than a small solve.
+gmsh, whose import takes longer than a small solve. In format 2.2 each element has its entity and
+physical group beside its nodes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,31 +26,36 @@ import numpy.typing as npt
 from fenics_mortar.mesh.from_arrays import (
     CheckedArrays,
     Tagged,
+    check_different,
     check_joined,
     check_rank,
     distributed,
 )
 from fenics_mortar.mesh.space import KINDS
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, Numbers
-from fenics_mortar.utils.errors import MeshError, format_point, refuse_in_space, together
+from fenics_mortar.utils.errors import MeshError, refuse_in_space, together
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.data import MeshData
 
-# Name and number of nodes of gmsh's element types up to order 2.
+# Dimension, name and number of nodes of gmsh's element types up to order 3.
 TYPES = {
-    15: ("Point", 1), 1: ("Line 2", 2), 8: ("Line 3", 3),
-    2: ("Triangle 3", 3), 9: ("Triangle 6", 6),
-    3: ("Quadrilateral 4", 4), 16: ("Quadrilateral 8", 8), 10: ("Quadrilateral 9", 9),
-    4: ("Tetrahedron 4", 4), 11: ("Tetrahedron 10", 10),
-    5: ("Hexahedron 8", 8), 17: ("Hexahedron 20", 20), 12: ("Hexahedron 27", 27),
-    6: ("Prism 6", 6), 7: ("Pyramid 5", 5),
+    15: (0, "Point", 1), 1: (1, "Line 2", 2), 8: (1, "Line 3", 3), 26: (1, "Line 4", 4),
+    2: (2, "Triangle 3", 3), 9: (2, "Triangle 6", 6), 21: (2, "Triangle 10", 10),
+    3: (2, "Quadrilateral 4", 4), 16: (2, "Quadrilateral 8", 8), 10: (2, "Quadrilateral 9", 9),
+    36: (2, "Quadrilateral 16", 16), 4: (3, "Tetrahedron 4", 4), 11: (3, "Tetrahedron 10", 10),
+    29: (3, "Tetrahedron 20", 20), 5: (3, "Hexahedron 8", 8), 17: (3, "Hexahedron 20", 20),
+    12: (3, "Hexahedron 27", 27), 92: (3, "Hexahedron 64", 64), 6: (3, "Prism 6", 6),
+    18: (3, "Prism 15", 15), 13: (3, "Prism 18", 18), 7: (3, "Pyramid 5", 5),
+    19: (3, "Pyramid 13", 13), 14: (3, "Pyramid 14", 14),
 }  # fmt: skip
 # Nodes of gmsh's solids of order 2 in the order of ``mesh.space``, by their number.
 TETRAHEDRON = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 HEXAHEDRON = [*range(8), 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26]
 ORDERS = {10: TETRAHEDRON, 27: HEXAHEDRON}
+FORMATS = ([b"$MeshFormat", b"4.1"], [b"$MeshFormat", b"2.2"], [b"$MeshFormat", b"2.1"])
+# Number of elements of a text of format 2.2 that are read at a time if they are of one type.
+CHUNK = 256
 # Types in binary files: size_t, int and double.
 SIZE, INT, DOUBLE = "<u8", "<i4", "<f8"
 
@@ -69,7 +74,6 @@ class GmshMesh:
         names: Names of physical groups by dimension and tag.
         groups: Tags of physical groups by dimension and tag of an entity.
         blocks: Elements by dimension and tag of an entity.
-        types: Names of the element types by number.
         tags: Numbers of the nodes, shape (n,).
         x: Their positions, shape (n, 3) [length].
     """
@@ -78,7 +82,6 @@ class GmshMesh:
         self.names: dict[tuple[int, int], str] = {}
         self.groups: dict[tuple[int, int], list[int]] = {}
         self.blocks: dict[tuple[int, int], list[Block]] = {}
-        self.types = {kind: name for kind, (name, _) in TYPES.items()}
         self.tags: Indices = np.empty(0, np.int64)
         self.x: Array = np.empty((0, 3))
 
@@ -92,7 +95,6 @@ class GmshMesh:
             for kind, numbers, nodes in zip(*model.mesh.getElements(*key)):
                 rows = np.reshape(nodes, (len(numbers), -1)).astype(np.int64)
                 mesh.blocks.setdefault(key, []).append(Block(int(kind), rows))
-                mesh.types[int(kind)] = model.mesh.getElementProperties(int(kind))[0]
         tags, x, _ = model.mesh.getNodes()
         mesh.tags, mesh.x = np.asarray(tags, np.int64), np.reshape(x, (-1, 3))
         return mesh
@@ -133,7 +135,7 @@ class GmshMesh:
         """The mesh as arrays with names of its groups, after ``renumber_nodes``.
 
         Raises:
-            MeshError: If a node lies inside an edge of another cell.
+            MeshError: For duplicates, or if a node lies inside an edge of another cell.
         """
         dim = self.dim
         cells, body_of_cell = self.tagged_elements(dim)
@@ -144,6 +146,7 @@ class GmshMesh:
         ends = np.sort(facets[:, :corners], axis=1) if tags.size else np.empty((0, corners), int)
         tagged = Tagged(dim, cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
         x = self.x[np.argsort(self.tags), :dim]
+        check_different(x, cells)
         check_joined(x, cells, ends, tags)
         return CheckedArrays(x, cells, tagged)
 
@@ -155,34 +158,46 @@ class GmshMesh:
         self.tags = np.searchsorted(known, self.tags) + 1
 
 
-def read_msh(path: Path) -> GmshMesh | None:
-    """Read a file; ``None`` if it is of another format, or has elements of order 3.
+def read_msh(path: Path) -> GmshMesh:
+    """Read a file of format 4.1 or 2.2.
 
     Raises:
-        MeshError: If the file is damaged.
+        MeshError: If the file is damaged or of another format.
     """
     content = path.read_bytes()
     head = content[:64].split()
-    if head[:2] != [b"$MeshFormat", b"4.1"] or head[2:4] not in ([b"0", b"8"], [b"1", b"8"]):
-        return None
-    binary = head[2] == b"1"
+    if head[:2] not in FORMATS or head[2:4] not in ([b"0", b"8"], [b"1", b"8"]):
+        given = b" ".join(head[1:4]).decode(errors="replace")
+        raise MeshError(
+            f"cannot read '{path}': its format is {given!r}; expected 4.1 or 2.2 of gmsh, or open "
+            "it by gmsh and pass gmsh.model"
+        )
+    binary, is_old = head[2] == b"1", head[1] != b"4.1"
     one = content.find(b"\n", content.find(b"\n") + 1) + 1
     if binary and content[one : one + 4] != np.array(1, INT).tobytes():
-        return None  # written on a machine with another byte order
+        raise MeshError(f"cannot read '{path}': it was written with another byte order")
     file = GmshMesh()
     readers = {b"Entities": _read_entities, b"Nodes": _read_nodes, b"Elements": _read_elements}
+    old_readers = {b"Nodes": _read_old_nodes, b"Elements": _read_old_elements}
     try:
         for name, section in _sections(content):
             if name == b"PhysicalNames":
                 _read_names(file, section.decode())
-            elif name in readers:
+            elif is_old and name in old_readers:
+                count, _, section = section.partition(b"\n")  # a text in binary files, too
+                numbers = _Numbers(section, binary=binary)
+                old_readers[name](file, numbers, int(count))
+                numbers.end()
+            elif not is_old and name in readers:
                 numbers = _Numbers(section, binary=binary)
                 readers[name](file, numbers)
                 numbers.end()
     except (ValueError, IndexError) as error:
         raise MeshError(f"cannot read '{path}': {error}") from None
-    except KeyError:  # unknown element type
-        return None
+    except KeyError as number:
+        raise MeshError(
+            f"cannot read '{path}': elements of the unknown type {number}; expected order 1 or 2"
+        ) from None
     if np.unique(file.tags).size < file.tags.size:
         raise MeshError(f"cannot read '{path}': nodes have the same number")
     nodes = [block.nodes.ravel() for blocks in file.blocks.values() for block in blocks]
@@ -223,6 +238,39 @@ class _Numbers:
             raise ValueError("a section has too few numbers")
         self._at += count
         return found if kind == DOUBLE else found.astype(np.int64)
+
+    def read_nodes(self, count: int) -> tuple[Indices, Array]:
+        """Numbers and positions [length] of ``count`` nodes of format 2.2."""
+        if self._binary:
+            kind = np.dtype([("number", INT), ("x", DOUBLE, 3)])
+            found = np.frombuffer(self._section, kind, count)
+            self._at += found.nbytes
+            return found["number"].astype(np.int64), found["x"].copy()
+        rows = self.read(DOUBLE, 4 * count).reshape(count, 4)
+        return rows[:, 0].astype(np.int64), rows[:, 1:]
+
+    def read_elements(self, most: int) -> tuple[int, Indices]:
+        """The next elements of format 2.2 of one type, at most ``most`` of a text.
+
+        Number, type and number of tags precede each of them in a text, several in a binary file.
+
+        Returns:
+            The type, and rows of physical group, entity and nodes.
+        """
+        if self._binary:
+            kind, count, num_tags = self.read(INT, 3).tolist()
+            before, columns = 1, 1 + num_tags + TYPES[kind][2]
+        else:
+            kind, num_tags = map(int, self._text[self._at + 1 : self._at + 3])
+            before, columns = 3, 3 + num_tags + TYPES[kind][2]
+            rows = self._text[self._at : self._at + min(most, CHUNK) * columns]
+            rows = rows[: rows.size // columns * columns].reshape(-1, columns)
+            others = np.flatnonzero((rows[:, 1:3] != (kind, num_tags)).any(axis=1))
+            count = others[0] if others.size else max(len(rows), 1)
+        rows = self.read(INT, count * columns).reshape(count, columns)[:, before:]
+        tags = np.zeros((count, 2), np.int64)  # group and entity, 0 where an element has none
+        tags[:, :num_tags] = rows[:, : min(num_tags, 2)]
+        return kind, np.hstack([tags, rows[:, num_tags:]])
 
     def end(self) -> None:
         """Check that all numbers have been read."""
@@ -266,9 +314,28 @@ def _read_elements(file: GmshMesh, numbers: _Numbers) -> None:
     for _ in range(num_blocks):
         dim, tag, kind = numbers.read(INT, 3).tolist()
         count = int(numbers.read(SIZE)[0])
-        columns = 1 + TYPES[kind][1]
+        columns = 1 + TYPES[kind][2]
         rows = numbers.read(SIZE, count * columns).reshape(count, columns)
         file.blocks.setdefault((dim, tag), []).append(Block(kind, rows[:, 1:]))
+
+
+def _read_old_nodes(file: GmshMesh, numbers: _Numbers, count: int) -> None:
+    file.tags, file.x = numbers.read_nodes(count)
+
+
+def _read_old_elements(file: GmshMesh, numbers: _Numbers, count: int) -> None:
+    found: dict[int, list[Indices]] = {}
+    while count > 0:
+        kind, rows = numbers.read_elements(count)
+        found.setdefault(kind, []).append(rows)
+        count -= len(rows)
+    for kind, parts in found.items():
+        groups, entities, nodes = np.split(np.concatenate(parts), [1, 2], axis=1)
+        for entity in np.unique(entities).tolist():
+            key, mine = (TYPES[kind][0], entity), entities[:, 0] == entity
+            file.blocks.setdefault(key, []).append(Block(kind, nodes[mine]))
+            known = {*file.groups.get(key, []), *np.abs(groups[mine]).ravel().tolist()}
+            file.groups[key] = sorted(known - {0})
 
 
 # Gmsh's types of cells by dimension: triangles and quadrilaterals, tetrahedra and hexahedra, of
@@ -286,8 +353,8 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
     or quadrilaterals, tetrahedra or hexahedra, of order 1 or 2.
 
     Args:
-        source: Path of a .msh file, or the module ``gmsh.model`` with a generated mesh. Only used
-            on rank ``rank``; other ranks may pass ``None``.
+        source: Path of a .msh file of format 4.1 or 2.2, or the module ``gmsh.model`` with a
+            generated mesh. Only used on rank ``rank``; other ranks may pass ``None``.
         comm: Communicator of the mesh.
         rank: The rank that reads.
 
@@ -322,56 +389,17 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
 
 
 def _mesh_of(source: str | Path | Any) -> GmshMesh:
-    """The mesh of ``source``, a model of gmsh or a path (local).
-
-    Files of format 4.1 are read without gmsh, those of other formats with it.
-    """
+    """The mesh of ``source``, a model of gmsh or a path (local)."""
     if hasattr(source, "getPhysicalGroups"):
-        return _mesh_of_model(source)
+        try:
+            return GmshMesh.of(source)
+        except Exception as exception:  # gmsh raises Exception itself
+            raise MeshError(f"cannot read the model of gmsh: {exception}") from None
     if not isinstance(source, (str, Path)):
         raise MeshError(f"source is {source!r}; expected the path of a .msh file or gmsh.model")
     if not Path(source).is_file():
         raise MeshError(f"no file '{source}' (current folder {Path.cwd()})")
-    mesh = read_msh(Path(source))
-    if mesh is not None:
-        return mesh
-    try:
-        import gmsh
-    except (ImportError, OSError) as exception:
-        raise compat.missing_gmsh(f"to read '{source}'", exception) from None
-    with _gmsh_session(gmsh):
-        try:
-            gmsh.merge(str(source))
-        except Exception as exception:  # gmsh raises Exception itself
-            raise MeshError(f"gmsh cannot read '{source}': {exception}") from None
-        return _mesh_of_model(gmsh.model)
-
-
-def _mesh_of_model(model: Any) -> GmshMesh:
-    try:
-        return GmshMesh.of(model)
-    except Exception as exception:  # gmsh raises Exception itself
-        raise MeshError(f"cannot read the model of gmsh: {exception}") from None
-
-
-@contextmanager
-def _gmsh_session(gmsh: Any) -> Iterator[None]:
-    """Context with an empty model and no terminal output; restores gmsh afterwards (local)."""
-    ours = not compat.gmsh_is_initialized(gmsh)
-    if ours:
-        gmsh.initialize()
-    current, terminal = gmsh.model.getCurrent(), gmsh.option.getNumber("General.Terminal")
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add("fenics_mortar.read_gmsh")
-    try:
-        yield
-    finally:
-        gmsh.model.remove()
-        gmsh.option.setNumber("General.Terminal", terminal)
-        if ours:
-            gmsh.finalize()
-        else:
-            gmsh.model.setCurrent(current)
+    return read_msh(Path(source))
 
 
 def _checked(mesh: GmshMesh) -> CheckedArrays:
@@ -385,31 +413,20 @@ def _checked(mesh: GmshMesh) -> CheckedArrays:
 
 
 def _check_cells(mesh: GmshMesh) -> None:
-    """Raise unless the elements are of one type that dolfinx reads, and all different (local)."""
+    """Raise unless the elements are of one type that dolfinx reads (local)."""
     dim = mesh.dim
     elements = mesh.elements(dim)
     if not elements:
         raise MeshError("there are no elements of dimension 2; was model.mesh.generate(2) called?")
-    names = sorted(mesh.types[kind] for kind in elements)
+    names = sorted(TYPES[kind][1] if kind in TYPES else f"number {kind}" for kind in elements)
     if len(elements) > 1:
         shapes = "triangles or quadrilaterals" if dim == 2 else "tetrahedra or hexahedra"
         raise MeshError(f"the mesh mixes {names}; expected one type, {shapes}")
-    ((kind, nodes),) = elements.items()
+    (kind,) = elements
     if kind in CUBIC:
         refuse_in_space("cubic", names[0])
     if kind not in CELLS[dim]:
         raise MeshError(f"cells of type {names} are not supported; expected e.g. {EXPECTED[dim]}")
-    known, number = np.unique(nodes, return_inverse=True)
-    # The sum of random numbers assigned to its nodes identifies an element in any order of nodes.
-    labels = np.random.default_rng(0).integers(0, 2**62, known.size, dtype=np.uint64)
-    sums = labels[number.reshape(nodes.shape)].sum(axis=1)
-    _, first, count = np.unique(sums, return_index=True, return_counts=True)
-    if (count > 1).any():
-        twice = first[np.argmax(count > 1)]
-        where = format_point(mesh.x[np.isin(mesh.tags, nodes[twice]), :dim].mean(axis=0))
-        raise MeshError(
-            f"{(count - 1).sum()} elements are duplicates, one at {where}: remove the copies"
-        )
 
 
 def _check_nodes(mesh: GmshMesh) -> None:

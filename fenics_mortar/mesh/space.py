@@ -345,9 +345,9 @@ def facets_of(cells: Indices, kind: Kind) -> Indices:
 
 
 def codes_of(facets: Indices, num_points: int) -> Indices:
-    """One number for each facet (f, corners), whatever the order of its corners, shape (f,).
+    """One number for each facet or cell (f, nodes), whatever the order of its nodes, shape (f,).
 
-    Those of edges are exact. For faces it is the sum of 64 bits that a hash function gives each
+    Those of edges are exact. For others it is the sum of 64 bits that a hash function gives each
     node: two of ten million faces have the same number with a probability of 3e-6.
     """
     if facets.shape[1] == 2:

@@ -28,7 +28,7 @@ interpolated; otherwise the difference of the meshes is part of the error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -41,8 +41,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from fenics_mortar.bulk.cells import Triangles, triangulate
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.predictor import Triangles, triangulate
 from fenics_mortar.interface.facing import linear_facets, nearest_on_chords, nearest_points
 from fenics_mortar.la.solver import factored
 from fenics_mortar.models.model_error import (
@@ -149,10 +149,7 @@ class Lift:
         floating, space = plane.equations.floating, plane.equations.bulk.space
         self._nodes = [np.flatnonzero(floating.parts == b) for b in range(floating.num_parts)]
         self._bodies = [triangulate(space, nodes) for nodes in self._nodes]
-        X = plane.equations.bulk.cells.X
-        corners = [X.max(axis=0, initial=-np.inf), -X.min(axis=0, initial=np.inf)]
-        ends = largest_over_ranks(plane.equations.comm, np.concatenate(corners))
-        self._size = float(np.hypot(*(ends[:2] + ends[2:])))
+        self._size = floating.extent(plane.equations.bulk.cells.X)
         bulk = solid.equations.bulk
         self._X = bulk.cells.X[: bulk.space.num_nodes]
         self._points = section.coordinates(self._X)
@@ -179,7 +176,8 @@ class Lift:
         for contact, other, (ends, shares) in zip(
             self._solid.equations.contacts, self._plane.equations.contacts, self._pairs
         ):
-            z = np.einsum("jk,jkc->jc", shares, _multipliers(other)[ends])
+            z = np.stack([other.now.fill_inside(part) for part in other.z_u.T.copy()], axis=1)
+            z = np.einsum("jk,jkc->jc", shares, z[ends])
             z = z * contact.may_carry[:, None] / contact.slave.gather(widths)[:, :1]
             z = self._section.in_space(contact.slave.X, z)
             active = contact.active
@@ -305,11 +303,6 @@ def project(V: Any, expression: Any) -> Array:
     return np.asarray(found.x.array.reshape(-1, 2))
 
 
-def _multipliers(contact: Interface) -> Array:
-    """Multipliers at all slave nodes of the plane, (slave nodes, 2) [stress] (local)."""
-    return np.stack([contact.now.fill_inside(part) for part in contact.z_u.T.copy()], axis=1)
-
-
 class InSpace:
     """The bodies in space of which a problem is a section; the constructor is local.
 
@@ -406,7 +399,7 @@ class InSpace:
             except MortarError:  # the model in space fails: the plane one is not known to do
                 pass
             found = self._assumption(plane, lifted, SolutionQuantities.of(solid), errors)
-        self.start = self._accepted(plane)
+        self.follow(plane)
         return found
 
     def compare(self, plane: ContactProblem) -> Assumption:
@@ -425,23 +418,11 @@ class InSpace:
             errors = differences(solid, lifted, solved)
         return self._assumption(plane, lifted, solved, errors)
 
-    def snapshot(self) -> Callable[[], None]:
-        """Return a function that restores the state from which slip is counted (local)."""
-        start = self.start
-
-        def restore() -> None:
-            self.start = start
-
-        return restore
-
     def follow(self, plane: ContactProblem) -> None:
-        """Count slip from the present state of a plane problem that was read (collective)."""
-        self.start = self._accepted(plane)
-
-    def _accepted(self, plane: ContactProblem) -> State:
+        """Count slip from the present state of a plane problem (collective)."""
         with self._at_lifted(plane) as solid:
             solid.accept()
-            return solid.state()
+            self.start = solid.state()
 
     @contextmanager
     def _at_lifted(self, plane: ContactProblem) -> Iterator[ContactProblem]:

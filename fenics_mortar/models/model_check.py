@@ -135,13 +135,13 @@ class ModelCheck:
 
     def snapshot(self) -> Callable[[], None]:
         """Return a function that restores the present data of the check (local)."""
-        slips = self._slips.copy()
-        of_dimension = None if self._in_space is None else self._in_space.snapshot()
+        slips, section = self._slips.copy(), self._in_space
+        start = None if section is None else section.start
 
         def restore() -> None:
             self._slips = slips
-            if of_dimension is not None:
-                of_dimension()
+            if section is not None and start is not None:
+                section.start = start
 
         return restore
 

@@ -185,36 +185,27 @@ def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
 
     Args:
         problem: The problem.
-        richer: Richer variants in the order of their steps.
-    """
-    state = problem.state()
-    try:
-        return correct(problem, *richer)
-    finally:
-        for model in richer:
-            model.equations.system.ksp.reset()
-        problem.restore(state)
-
-
-def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
-    """Continue from a solved problem by steps of richer variants, one after the other (collective).
+        richer: Richer variants in the order of their steps, each from the result of the one before.
 
     Returns:
-        Relative errors of the problem by quantity; inf where the richer model fails.
+        The errors; inf where a richer model fails.
     """
-    cheap, last = SolutionQuantities.of(problem), problem
-    errors = dict.fromkeys(QUANTITIES, 0.0)
+    state, cheap, last = problem.state(), SolutionQuantities.of(problem), problem
     try:
         for model in richer:
             adopt(model, last)
             with restored_if_interrupted(model.equations):
                 errors = take_steps(problem, cheap, model)
             last = model
+        return errors
     except RaisedElsewhereError:
         raise
     except MortarError:
         return dict.fromkeys(QUANTITIES, np.inf)
-    return errors
+    finally:
+        for model in richer:
+            model.equations.system.ksp.reset()
+        problem.restore(state)
 
 
 def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: ContactProblem) -> Errors:
@@ -478,7 +469,7 @@ class ElasticObstacle:
             Displacement along the slave normals for each pair, shape (slave nodes,) [length]:
             weighted by the multiplier functions, like gaps.
         """
-        touching = [self._touching(contact) for contact in contacts]
+        touching = [_Touching(contact, self.obstacle, self._surface) for contact in contacts]
         load = np.zeros_like(self._surface.X)
         for points in touching:
             points.add_tractions(load)
@@ -496,11 +487,8 @@ class ElasticObstacle:
         Returns:
             Shape (slave nodes,) each [length], weighted as for ``displacements``.
         """
-        touching = [self._touching(contact) for contact in contacts]
+        touching = [_Touching(contact, self.obstacle, self._surface) for contact in contacts]
         return [points.means(-points.distances(self._surface.X)) for points in touching]
-
-    def _touching(self, contact: Contact) -> _Touching:
-        return _Touching(contact, self.obstacle, self._surface)
 
 
 class _Touching:

@@ -353,18 +353,10 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if status.fraction < 1.0:
             step = step._replace(fraction=step.fraction * status.fraction)
         report.force = max(report.force, status.force)
-        report.allowed = _allowed(status, report.force, options)
-        report.iterations.append(
-            Iteration(
-                status.residual,
-                status.gap,
-                step.increment,
-                step.fraction,
-                status.num_active,
-                status.num_changed,
-                equations.seconds(),
-            )
-        )
+        report.allowed = allowed_residual(status, report.force, options)
+        measures = status.residual, status.gap, step.increment, step.fraction
+        sizes = status.num_active, status.num_changed
+        report.iterations.append(Iteration(*measures, *sizes, equations.seconds()))
         if not math.isfinite(status.residual + status.force):
             raise _failure(equations, report, f"iteration {number}: the residual is not finite")
         if not any(_failed_tests(status, step, report.force, options)):
@@ -372,7 +364,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             report.reason = f"converged in {number} iterations"
             return report
         residuals.append(status.residual)
-        if number == 1 and not _is_near(residuals, options.max_remaining):
+        if number == 1 and status.residual > options.max_remaining * residuals[0]:
             raise _failure(equations, report, "the first iteration hardly reduced the residual")
         if number and not status.num_changed and _stagnates(residuals):
             drifting = equations.remedies.drifts()
@@ -387,11 +379,6 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
     failed = "; ".join(_failed_tests(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {failed}"
     raise _failure(equations, report, reason)
-
-
-def _is_near(residuals: Sequence[float], max_remaining: float) -> bool:
-    """Whether the first iteration reduced the residual enough."""
-    return np.isinf(max_remaining) or residuals[1] <= max_remaining * residuals[0]
 
 
 def _stagnates(residuals: Sequence[float]) -> bool:
@@ -447,7 +434,7 @@ def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConv
     return NotConvergedError(report.reason, report)
 
 
-def _allowed(status: Status, force: float, options: NewtonOptions) -> float:
+def allowed_residual(status: Status, force: float, options: NewtonOptions) -> float:
     """Largest residual of a converged state [force]."""
     return options.residual_tolerance * force + status.roundoff
 
@@ -456,7 +443,7 @@ def _failed_tests(
     status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
     """Failed convergence tests, as text."""
-    allowed = _allowed(status, force, options)
+    allowed = allowed_residual(status, force, options)
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
     if step.increment > options.increment_tolerance:

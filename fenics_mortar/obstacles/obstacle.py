@@ -249,6 +249,26 @@ class SignedDistance(Obstacle):
         return self._function(x)
 
 
+def distance_fields(
+    rest: Array, normal: Array, at_corner: Flags, inside: Flags, radius: float
+) -> Fields:
+    """Fields of the distance to the nearest points of a solid of straight sides, rounded (local).
+
+    Args:
+        rest: Points minus the nearest ones of the sides and corners, shape (n, d) [length].
+        normal: Normals of the nearest sides, shape (n, d) or (d,).
+        at_corner: Whether the nearest point is a corner, shape (n,), bool.
+        inside: Whether the distance from a corner is negative, shape (n,), bool.
+        radius: Radius of the rounding, subtracted from the distance [length].
+    """
+    sizes = np.where(inside, -1.0, 1.0) * np.sqrt((rest**2).sum(axis=1))
+    size = np.where(at_corner, sizes, 1.0)
+    gradient = np.where(at_corner[:, None], rest / size[:, None], normal)
+    phi = np.where(at_corner, size, (rest * normal).sum(axis=1)) - radius
+    across = np.eye(rest.shape[1]) - np.einsum("ia,ib->iab", gradient, gradient)
+    return phi, gradient, np.where(at_corner[:, None, None], across / size[:, None, None], 0.0)
+
+
 class _Ball(Obstacle):
     """Solid disk or ball, or with ``inside`` a solid with a round hole."""
 
@@ -296,11 +316,9 @@ class _Ball(Obstacle):
         d, upward = x - self._centre, np.zeros(self.dim)
         upward[1] = EPSILON * self._radius
         d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, upward)
-        r = np.sqrt((d * d).sum(axis=1))
-        e = d / r[:, None]
-        across = np.eye(self.dim) - np.einsum("ia,ib->iab", e, e)
-        sign = self._sign
-        return sign * (r - self._radius), sign * e, sign * across / r[:, None, None]
+        every, sign = np.ones(len(x), bool), self._sign
+        phi, gradient, hessian = distance_fields(d, d, every, ~every, self._radius)
+        return sign * phi, sign * gradient, sign * hessian
 
     def salient_points(self) -> Array:
         """Points of the surface all around; see ``Obstacle.salient_points``."""

@@ -9,8 +9,9 @@ rotation vector (axis times angle); turns add to angles in the plane only.
 
 Rotations of the plane by an angle and of space by a rotation vector, axis times angle.
 
-With W v = w x v, a = sin t / t, b = (1 - cos t) / t^2 and t = |w|, the rotation by w is
-R = 1 + a W + b W^2.
+With the quaternion q = sin(t / 2) w / t, q_0 = cos(t / 2), t = |w|, and Q v = q x v, the rotation
+by w is R = 1 + 2 (q_0 Q + Q^2) / (q_0^2 + q^2), in the plane with w along e_z. The divisor is one
+but for rounding, which thus does not stretch.
 
 A place of a rigid body has the translation of the pivot and the angle, in space the rotation
 vector, see ``rigid_motion``. A motion q has translations and turns about fixed axes, the angles
@@ -22,17 +23,16 @@ body may turn any number of times.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import ROUNDING, Array, lines_cross, near_pairs
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, lines_cross, near_pairs
 from fenics_mortar.utils.errors import check_kind, check_number, format_point
 
-# Square of an angle [radian^2] below which a, b are sums of the first terms of their series: the
-# next one is below 1e-20.
-SMALL_SQUARE, TERMS = 1e-2, 6
 # Square of an angle [radian^2] below which the functions of ``inverse_factors`` are sums of their
 # series, with terms up to the rounding of the first one: B_2k / (2k)! of Bernoulli's numbers.
 FULL_SERIES_BELOW = 0.25
@@ -59,6 +59,17 @@ def turned(r: Array) -> Array:
     return np.einsum("iab,nb->ina", TURNS[r.shape[1]], r)
 
 
+def rigid_motions(X: Array, centre: Array, size: float) -> Array:
+    """Translations and rotations about ``centre`` over ``size`` at ``X`` (n, dim) [1] (local).
+
+    Returns:
+        Shape (3, n, 2) in the plane: two translations and the rotation; (6, n, 3) in space: three
+        translations and the rotations about the three axes.
+    """
+    moved = np.repeat(np.eye(X.shape[1])[:, None], len(X), axis=1)
+    return np.concatenate([moved, turned((X - centre) / size)])
+
+
 def moments_of(x: Array, p: Array) -> Array:
     """Moments x cross ``p`` about the origin, (axes, n) [length times the unit of p] (local).
 
@@ -71,42 +82,28 @@ def moments_of(x: Array, p: Array) -> Array:
 
 def rotation_by(turn: Array) -> Array:
     """Rotation matrix of an angle, shape (1,), or a rotation vector (3,) [radian] (local)."""
-    if turn.size == 1:
-        c, s = np.cos(turn[0]), np.sin(turn[0])
-        return np.array([[c, -s], [s, c]])
-    return np.eye(3) + rotation_less_one(turn)
+    change = rotation_less_one(turn)
+    return np.eye(len(change)) + change
 
 
 def rotation_less_one(turn: Array) -> Array:
     """The rotation matrix minus one, without cancellation, (d, d) [1] (local)."""
-    if turn.size == 1:
-        c, s = -2.0 * np.sin(0.5 * turn[0]) ** 2, np.sin(turn[0])
-        return np.array([[c, -s], [s, c]])
-    a, b = _factors(turn)
-    W = crosses(turn)
-    return a * W + b * W @ W
+    half = 0.5 * np.sqrt(turn @ turn) + TINY
+    q, q_0 = np.sin(half) / (2.0 * half) * turn, np.cos(half)
+    Q = np.tensordot(q, TURNS[2 if turn.size == 1 else 3], 1)
+    return 2.0 / (q @ q + q_0**2) * (q_0 * Q + Q @ Q)
 
 
 def vector_of(R: Array) -> Array:
-    """The rotation vector (3,) [radian] of a matrix (3, 3), of at most half a turn (local).
+    """The rotation vector (3,) of a matrix, the angle (1,) of one of the plane [radian] (local).
 
-    By its unit quaternion, from its largest component.
+    Of at most half a turn.
     """
-    q = np.empty(4)
-    traces = np.append(np.diag(R), np.trace(R))
-    largest = int(np.argmax(traces))
-    if largest == 3:
-        q[:] = *np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]), 1.0 + traces[3]
-    else:
-        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-        q[i] = 1.0 - traces[3] + 2.0 * R[i, i]
-        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
-        q[3] = R[k, j] - R[j, k]
-    q /= np.linalg.norm(q) * (1.0 if q[3] >= 0.0 else -1.0)
-    sine = float(np.linalg.norm(q[:3]))
-    if sine == 0.0:
-        return np.zeros(3)
-    return np.asarray(2.0 * np.arctan2(sine, q[3]) / sine * q[:3])
+    if len(R) == 2:
+        return np.arctan2(R[1, :1], R[0, :1])
+    from scipy.spatial.transform import Rotation  # not imported by problems in the plane
+
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())
 
 
 def vector_beside(R: Array, near: Array) -> Array:
@@ -114,14 +111,11 @@ def vector_beside(R: Array, near: Array) -> Array:
 
     Those of a matrix, (2, 2) or (3, 3), differ by full turns about its axis.
     """
-    if near.size == 1:
-        angle = np.arctan2(R[1, 0], R[0, 0])
-        return np.asarray(angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi)))
     return _beside(vector_of(R), near)
 
 
 def _beside(least: Array, near: Array) -> Array:
-    """The rotation vector (3,) that differs by full turns from one and is next to another."""
+    """The rotation vector that differs by full turns from one and is next to another."""
     angle = float(np.linalg.norm(least))
     axis = least if angle > 0.0 else near  # no rotation has any axis
     size = float(np.linalg.norm(axis))
@@ -148,16 +142,14 @@ def polar(F: Array) -> tuple[Array, Array]:
     return left @ right, stretches
 
 
-def polar_rotation(A: Array) -> Array:
-    """The rotation (d, d) [1] next to a matrix (d, d), R in A = P R with symmetric P (local)."""
-    return polar(A)[0]
-
-
 def turn_between(first: Array, last: Array, *, shortest: bool = False) -> Array:
     """The rotation vector (3,) [radian] that leads from one rotation vector to another (local).
 
-    About one axis it is the difference, of any size, unless the shortest way is asked for.
+    About one axis it is the difference, of any size, unless the shortest way is asked for; also of
+    angles of the plane, (1,).
     """
+    if first.size == 1:
+        return last - first
     size = np.linalg.norm(first) * np.linalg.norm(last)
     if not shortest and np.linalg.norm(np.cross(first, last)) <= ROUNDING * size:
         return last - first
@@ -211,25 +203,6 @@ def crosses(v: Array) -> Array:
     return np.einsum("...i,iab->...ab", v, TURNS[3])
 
 
-def _factors(turn: Array) -> tuple[Array, Array]:
-    """The factors a, b of a rotation vector; see above."""
-    t2 = turn @ turn
-    if np.real(t2) < SMALL_SQUARE:
-        return _series(t2, 1), _series(t2, 2)
-    t = np.sqrt(t2)
-    return np.sin(t) / t, (1.0 - np.cos(t)) / t2
-
-
-def _series(t2: Array, first: int) -> Array:
-    """Sum of (-t2)^k / (2 k + first)!."""
-    term = 1.0 / math.factorial(first) + 0.0 * t2
-    total = term
-    for k in range(1, TERMS):
-        term = -term * t2 / ((2 * k + first - 1) * (2 * k + first))
-        total = total + term
-    return total
-
-
 # Number of coordinates by the number of motions.
 DIMENSIONS = {3: 2, 6: 3}
 
@@ -253,10 +226,9 @@ def motion_between(before: Array, after: Array, arm: float) -> Array:
 
     In space rotations about one axis have any size, others that of the shortest way.
     """
-    if before.size == 3:
-        return (after - before) * [1.0, 1.0, arm]
-    turn = turn_between(before[3:], after[3:])
-    return np.append(after[:3] - before[:3], arm * turn)
+    dim = DIMENSIONS[before.size]
+    turn = turn_between(before[dim:], after[dim:])
+    return np.append(after[:dim] - before[:dim], arm * turn)
 
 
 def by_further_motion(motion: Array, arm: float) -> Array:
@@ -352,23 +324,13 @@ def check_floats(name: str, values: Any) -> Array:
     return np.array(array, float)
 
 
-def check_finite(name: str, value: Any) -> float:
-    """A finite number [any unit] (local).
+def check_finite(name: str, value: Any, expected: str = "a finite number") -> float:
+    """A finite number [any unit], which messages call ``expected`` (local).
 
     Raises:
         ValueError: For other values.
     """
-    check_number(name, value, "a finite number", np.isfinite)
-    return float(value)
-
-
-def check_about_z(name: str, value: Any) -> float:
-    """An angle or a moment in the plane, a finite number [any unit] (local).
-
-    Raises:
-        ValueError: For other values.
-    """
-    check_number(name, value, "a finite number, in the plane the one about z", np.isfinite)
+    check_number(name, value, expected, np.isfinite)
     return float(value)
 
 
@@ -409,6 +371,8 @@ def check_direction(name: str, value: npt.ArrayLike, dim: int = 3) -> Array:
 
 # Names of the translations.
 AXES = "xyz"
+# What an angle or a moment in the plane is expected to be.
+ABOUT_Z = "a finite number, in the plane the one about z"
 # Numbers of axes in space about which forces may turn a body: rotations about two fixed axes, but
 # not about the third one, would depend on the way.
 DRIVEN_TURNS = (0, 1, 3)
@@ -477,7 +441,8 @@ class RigidMotion:
         for i, value in self._along_axes(x, y, z):
             self.place[i], self.load[i] = value, np.nan
         if angle is not None:
-            turn = check_about_z("angle", angle) if self.dim == 2 else check_turn(angle)
+            plane = self.dim == 2
+            turn = check_finite("angle", angle, ABOUT_Z) if plane else check_turn(angle)
             self.place[self.dim :], self.load[self.dim :] = turn, np.nan
 
     def push(
@@ -509,7 +474,7 @@ class RigidMotion:
             self.load[i] = value
         if moment is not None:
             plane = self.dim == 2
-            about = check_about_z("moment", moment) if plane else check_moments(moment)
+            about = check_finite("moment", moment, ABOUT_Z) if plane else check_moments(moment)
             self.load[self.dim :] = about
 
     def _along_axes(self, *values: float | None) -> list[tuple[int, float]]:
@@ -543,10 +508,8 @@ class RigidMotion:
         Rotations about one axis have any size, others, and those free to take any axis, that of the
         shortest way.
         """
-        if self.dim == 2:
-            return self.turn - place[2:]
-        free = np.isfinite(self.load[3:]).all()
-        return turn_between(place[3:], self.turn, shortest=bool(free))
+        free = np.isfinite(self.load[self.dim :]).all()
+        return turn_between(place[self.dim :], self.turn, shortest=bool(free))
 
     def to_own_frame(self, x: Array) -> Array:
         """Points ``x`` (n, d) [length] in space, in the obstacle's frame."""
@@ -562,11 +525,17 @@ class RigidMotion:
 
     def motions(self, x: Array, arm: float) -> Array:
         """V at the points ``x`` (n, d) [length] for a length ``arm``, shape (n, m, d) [1]."""
-        r = (x - self.pivot - self.place[: self.dim]) / arm
-        V = np.empty((len(x), self.place.size, self.dim), r.dtype)
-        V[:, : self.dim] = np.eye(self.dim)
-        V[:, self.dim :] = np.einsum("iab,nb->nia", TURNS[self.dim], r)
-        return V
+        return np.moveaxis(rigid_motions(x, self.pivot + self.place[: self.dim], arm), 0, 1)
+
+
+@contextmanager
+def at_place(motion: RigidMotion, place: Array) -> Iterator[None]:
+    """Context in which an obstacle or a remote load is at another place, shape (m,) (local)."""
+    present, motion.place = motion.place, place.copy()
+    try:
+        yield
+    finally:
+        motion.place = present
 
 
 def check_turn(angle: npt.ArrayLike) -> Array:

@@ -11,8 +11,9 @@ is, at the fraction s of the parameter, r = 1 - s,
     c = r P_i + s P_{i+1} + h_i^2 / 6 [(r^3 - r) M_i + (s^3 - s) M_{i+1}],
 
 where M solves the equations of continuous slopes, a linear system of the h_i. All of it is
-differentiated at fixed s. The distance phi of a point with the foot c changes by -n . dc, n the
-normal; this is constant along n, so that its gradient is along the tangent.
+differentiated at fixed s, by a complex step of the points. The distance phi of a point with the
+foot c changes by -n . dc, n the normal; this is constant along n, so that its gradient is along the
+tangent.
 
 Obstacles in space from shapes of the plane: extruded along or revolved about an axis.
 
@@ -32,9 +33,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve
 
-from fenics_mortar.obstacles.obstacle import Circle, Fields, Obstacle
+from fenics_mortar.obstacles.obstacle import Circle, Fields, Obstacle, distance_fields
 from fenics_mortar.obstacles.rigid_motion import (
     check_chain,
     check_direction,
@@ -46,117 +46,38 @@ from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, cross_in_pl
 from fenics_mortar.utils.errors import check_flag, check_kind, check_number, format_point
 
 if TYPE_CHECKING:
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
+    from fenics_mortar.utils.arrays import Array, Indices
 
 
-class SplineShape:
-    """A cubic spline by chord length, and its derivatives along m changes of its points (local).
+# Complex step of the points of a spline, over 1j [length]: too small for a rounding.
+SPLINE_STEP = 1e-30
+
+
+def spline_at(points: Array, i: Indices, s: Array, *, closed: bool) -> Array:
+    """Points of the spline through ``points``, and their derivatives by s, (2, n, 2) (local).
 
     Args:
-        points: Points, shape (k, 2) [length].
+        points: Points, real or complex, shape (k, 2) [length].
+        i: Numbers of intervals, shape (n,).
+        s: Fractions of these, shape (n,).
         closed: Whether the curve is closed; it has zero curvature at its ends otherwise.
     """
-
-    def __init__(self, points: Array, *, closed: bool) -> None:
-        self._closed = closed
-        self._P = np.vstack([points, points[:1]]) if closed else points
-        chords = np.diff(self._P, axis=0)
-        self._h = np.linalg.norm(chords, axis=1)
-        self._along = chords / self._h[:, None]
-        self.knots = np.append(0.0, np.cumsum(self._h))
-        self._M = self._bends(self._right_side(self._P, self._h))
-
-    def _right_side(self, P: Array, h: Array) -> Array:
-        """Jumps of the slopes of the chords at the equations' points, (..., equations, 2)."""
-        slopes = np.diff(P, axis=-2) / h[:, None]
-        return self._jumps(slopes)
-
-    def _jumps(self, of_intervals: Array) -> Array:
-        """Jumps of interval values at the points with an equation, (..., equations, 2)."""
-        if self._closed:
-            return of_intervals - np.roll(of_intervals, 1, axis=-2)
-        return np.diff(of_intervals, axis=-2)
-
-    def _matrix(self, h: Array) -> Array:
-        """Matrix of continuous slopes for chords h (..., k - 1): (..., equations, points)."""
-        count = len(self._P)
-        before = np.arange(count - 1) - 1 if self._closed else np.arange(count - 2)
-        after = np.arange(count - 1) if self._closed else np.arange(1, count - 1)
-        rows = np.arange(len(after))
-        A = np.zeros((*h.shape[:-1], len(rows), count))
-        first = before % (count - 1) if self._closed else before
-        A[..., rows, first] += h[..., before] / 6.0
-        A[..., rows, after] += (h[..., before] + h[..., after]) / 3.0
-        A[..., rows, after + 1] += h[..., after] / 6.0
-        return A
-
-    def _bends(self, rhs: Array) -> Array:
-        """Second derivatives at the points for right-hand sides (..., equations, 2)."""
-        A, count = self._matrix(self._h), len(self._P)
-        free = slice(0, count - 1) if self._closed else slice(1, count - 1)
-        if self._closed:
-            A[:, 0] += A[:, -1]
-        flat = np.moveaxis(rhs, -2, 0).reshape(rhs.shape[-2], -1)
-        found = solve(A[:, free], flat).reshape(rhs.shape[-2], *rhs.shape[:-2], 2)
-        M = np.zeros((*rhs.shape[:-2], count, 2))
-        M[..., free, :] = np.moveaxis(found, 0, -2)
-        if self._closed:
-            M[..., -1, :] = M[..., 0, :]
-        return M
-
-    def changes(self, t: Array, directions: Array) -> tuple[Array, Array]:
-        """Changes dc and d(dc/dt) at fixed fractions of the intervals, (m, n, 2) each.
-
-        Args:
-            t: Parameters, shape (n,) [length]; beyond the ends of an open curve it is straight.
-            directions: Changes of the points, shape (m, k, 2) [length].
-
-        Returns:
-            dc [length] and its derivative by t [1].
-        """
-        closed = self._closed
-        dP = np.concatenate([directions, directions[:, :1]], axis=1) if closed else directions
-        dh = np.einsum("ic,mic->mi", self._along, np.diff(dP, axis=1))
-        slopes = np.diff(self._P, axis=0) / self._h[:, None]
-        by_h = self._jumps(slopes * (dh / self._h)[..., None])
-        rhs = self._right_side(dP, self._h) - by_h - self._matrix(dh) @ self._M
-        dM = self._bends(rhs)
-        on = t % self.knots[-1] if closed else np.clip(t, 0.0, self.knots[-1])
-        i: Indices = np.clip(np.searchsorted(self.knots, on, side="right") - 1, 0, len(dh.T) - 1)
-        h, beyond = self._h[i, None], 0.0 if closed else (t - on)[:, None]
-        s = ((on - self.knots[i]) / self._h[i])[:, None]
-        r, stretch = 1.0 - s, (dh[:, i] / self._h[i])[..., None]
-        bends, turned = (r**3 - r) * self._M[i], (s**3 - s) * self._M[i + 1]
-        of_bends = (r**3 - r) * dM[:, i] + (s**3 - s) * dM[:, i + 1]
-        dc = r * dP[:, i] + s * dP[:, i + 1] + h**2 / 6.0 * of_bends
-        dc = dc + h**2 / 3.0 * stretch * (bends + turned)
-        slope = (1.0 - 3.0 * r**2) * self._M[i] + (3.0 * s**2 - 1.0) * self._M[i + 1]
-        of_slope = (1.0 - 3.0 * r**2) * dM[:, i] + (3.0 * s**2 - 1.0) * dM[:, i + 1]
-        dd = (dP[:, i + 1] - dP[:, i]) / h + h / 6.0 * of_slope + h / 3.0 * stretch * slope
-        return dc + beyond * dd, dd
-
-
-def distance_changes(
-    normal: Array, curvature: Array, speed: Array, phi: Array, dc: Array, dd: Array
-) -> tuple[Array, Array]:
-    """Changes of distances phi and of their gradients along m changes of a curve (local).
-
-    Args:
-        normal: Normals at the feet, shape (n, 2).
-        curvature: Curvatures at the feet, positive to the left, shape (n,) [1 / length].
-        speed: Speeds |dc/dt| at the feet, shape (n,) [1].
-        phi: Distances, shape (n,) [length].
-        dc: Changes of the curve at fixed t, shape (m, n, 2) [length].
-        dd: Their derivatives by t, shape (m, n, 2) [1].
-
-    Returns:
-        Changes of phi (m, n) [length] and of its gradient (m, n, 2) [1].
-    """
-    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    of_slope = np.einsum("nc,mnc->mn", normal, dd) / speed
-    along = curvature * np.einsum("nc,mnc->mn", tangent, dc) + of_slope
-    change = -along / (1.0 + curvature * phi)
-    return -np.einsum("nc,mnc->mn", normal, dc), change[..., None] * tangent
+    P = np.vstack([points, points[:1]]) if closed else points
+    chords = np.diff(P, axis=0)
+    h = np.sqrt((chords**2).sum(axis=1))
+    slopes, rows = chords / h[:, None], np.arange(1, len(P) - 1)
+    A, jumps = np.eye(len(P), dtype=P.dtype), np.zeros_like(P)
+    A[rows, rows - 1], A[rows, rows + 1] = h[:-1] / 6.0, h[1:] / 6.0
+    A[rows, rows], jumps[rows] = (h[:-1] + h[1:]) / 3.0, np.diff(slopes, axis=0)
+    if closed:  # the last point is the first one
+        A[0, [-2, 0, 1]] = h[-1] / 6.0, (h[-1] + h[0]) / 3.0, h[0] / 6.0
+        A[-1, 0], jumps[0] = -1.0, slopes[0] - slopes[-1]
+    M = np.linalg.solve(A, jumps)
+    s, bend = s[:, None], h[i, None] ** 2 / 6.0
+    r = 1.0 - s
+    c = r * P[i] + s * P[i + 1] + bend * ((r**3 - r) * M[i] + (s**3 - s) * M[i + 1])
+    slope = (1.0 - 3.0 * r**2) * M[i] + (3.0 * s**2 - 1.0) * M[i + 1]
+    return np.stack([c, chords[i] + bend * slope])
 
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
@@ -272,8 +193,33 @@ class Spline(Obstacle):
         """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
         t = self._feet(x)
         phi, normal, curvature, speed = self._distance_from_foot(x, t)
-        dc, dd = SplineShape(self._chain, closed=self._closed).changes(t, directions)
-        return distance_changes(normal, curvature, speed, phi, dc, dd)
+        dc, dd = self._changes(t, directions)
+        tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+        along = curvature * np.einsum("nc,mnc->mn", tangent, dc)
+        change = -(along + np.einsum("nc,mnc->mn", normal, dd) / speed) / (1.0 + curvature * phi)
+        return -np.einsum("nc,mnc->mn", normal, dc), change[..., None] * tangent
+
+    def _changes(self, t: Array, directions: Array) -> tuple[Array, Array]:
+        """Changes dc [length] and d(dc/dt) [1] at fixed fractions of the intervals, (m, n, 2) each.
+
+        Args:
+            t: Parameters, shape (n,) [length].
+            directions: Changes of the points, shape (m, k, 2) [length].
+        """
+        knots = self._curve.x
+        on = t % self._end if self._closed else np.clip(t, 0.0, self._end)
+        i = np.clip(np.searchsorted(knots, on, side="right") - 1, 0, len(knots) - 2)
+        h = np.diff(knots)[i]
+        moved = [
+            spline_at(
+                self._chain + SPLINE_STEP * 1j * way, i, (on - knots[i]) / h, closed=self._closed
+            )
+            for way in directions
+        ]
+        dc, dd = np.moveaxis(np.imag(moved) / SPLINE_STEP, 1, 0)
+        dd = dd / h[:, None]
+        beyond = 0.0 if self._closed else (t - on)[:, None]
+        return dc + beyond * dd, dd
 
     def _feet(self, x: Array) -> Array:
         """Parameters of the nearest points of the curve, shape (n,) [length]."""
@@ -379,29 +325,16 @@ class Polygon(Obstacle):
         nearest = np.argmin((rest**2).sum(axis=2), axis=1)
         every = np.arange(len(x))
         rest, along, n = rest[every, nearest], along[every, nearest], self._normals[nearest]
-        distance = np.sqrt((rest**2).sum(axis=1))
-        round_ = ((along == 0.0) | (along == 1.0)) & (distance > 0.0)
-        sign = np.where(self._is_inside(x), -1.0, 1.0)
-        size = np.where(round_, sign * distance, 1.0)[:, None]
-        gradient = np.where(round_[:, None], rest / size, n)
-        phi = np.where(round_, size[:, 0], (rest * n).sum(axis=1)) - self._radius
-        across = np.eye(2) - np.einsum("ia,ib->iab", gradient, gradient)
-        return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
+        beside = np.where(along == 1.0, nearest + 1, nearest - 1) % len(edges)
+        inside = np.real((rest * (n + self._normals[beside])).sum(axis=1)) < 0.0
+        at_corner = ((along == 0.0) | (along == 1.0)) & rest.any(axis=1)
+        return distance_fields(rest, n, at_corner, inside, self._radius)
 
     def salient_points(self) -> Array:
         """The tips of the rounded corners; see ``Obstacle.salient_points``."""
         towards = self._normals + np.roll(self._normals, 1, axis=0)
         size = np.linalg.norm(towards, axis=1)[:, None]
         return self._corners + self._radius * towards / size
-
-    def _is_inside(self, x: Array) -> Flags:
-        """Whether a ray from each point intersects the inner polygon an odd number of times."""
-        start = self._corners - x[:, None]
-        end = np.roll(start, -1, axis=1)
-        meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
-        cross = cross_in_plane(start, end)
-        ahead = (cross > 0.0) == (end[..., 1] > start[..., 1])
-        return (meets & ahead).sum(axis=1) % 2 == 1
 
 
 # Directions around the axis in which salient points of a shape are repeated.
@@ -678,12 +611,7 @@ class _Wedge(Obstacle):
         """Distance to the side, beyond the tip to the apex; see ``Obstacle.local``."""
         d, n = x - self._tip, self._normal
         beyond = np.real(d @ np.array([-n[1], n[0]])) < 0.0
-        size = np.sqrt((d**2).sum(axis=1))
-        size = np.where(beyond, size, 1.0)
-        gradient = np.where(beyond[:, None], d / size[:, None], n)
-        phi = np.where(beyond, size, d @ n) - self._radius
-        bend = np.eye(2) - np.einsum("na,nb->nab", gradient, gradient)
-        return phi, gradient, np.where(beyond[:, None, None], bend / size[:, None, None], 0.0)
+        return distance_fields(d, n, beyond, np.zeros_like(beyond), self._radius)
 
     def salient_points(self) -> Array:
         """The tip; see ``Obstacle.salient_points``."""

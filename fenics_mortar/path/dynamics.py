@@ -7,371 +7,57 @@ step, so that pressures oscillate, and energy increases with the trapezoidal rul
 With "massless" slave nodes have no mass, see ``bulk.inertia``: pressures are continuous in time,
 impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
 "conserving" these errors, of contact and of nonlinear stresses, are corrected, too, and those of
-the angular momentum; see below and ``path.report``. Measurements are in
-``demos/studies/dynamics``.
+the angular momentum; see ``path.time_steps``. Measurements are in ``demos/studies/dynamics``.
 
-Corrections of the velocity after a time step, which conserve angular momentum and energy.
-
-**Angular momentum lost by bodies in a time step, and its return by rigid rotations.** Closed mortar
-gaps are zero on average, not at each point, and normals of nodes are not those of facets: pressures
-of slave and master have a moment of third order in the length of the facets. The trapezoidal rule
-conserves the angular momentum in the middle of equal steps, not that of present positions and
-velocities. After each step the velocity of a rigid rotation about the centre of mass is added to
-each body, so that
-
-    L_(n+1) - L_n = dt / 2 (T_n + T_(n+1))
-
-with the moments T of loads, internal forces and obstacles, without those exerted by other bodies.
-Bodies in contact rotate together. Bodies with prescribed dofs are not corrected, since their
-supports exert moments. Linear momentum is already balanced, and is not changed by rotations.
+Checks of the arguments of ``Dynamics`` and of the velocity that users set.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import ufl
 from dolfinx import fem
+from ufl.algorithms.analysis import extract_arguments, extract_coefficients, extract_constants
+from ufl.domain import extract_domains
 
-from fenics_mortar.bulk.bodies import join_bodies, label_bodies
-from fenics_mortar.bulk.inertia import Inertia, Velocity
+from fenics_mortar.bulk.checks import check_domain, check_subdomains
+from fenics_mortar.bulk.inertia import Inertia, Origin, Velocity
 from fenics_mortar.contact.contact import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import State, restored_if_interrupted
-from fenics_mortar.obstacles.rigid_motion import moments_of, turned
 from fenics_mortar.path.report import (
-    MAX_SCALING,
+    DynamicsReport,
     Energies,
     EnergyErrors,
-    Impulse,
+    TimeStep,
     forces_of,
-    internal_defect,
-    pressure_impulse,
-    return_energy,
     work_of,
 )
-from fenics_mortar.path.time_steps import (
-    SCHEMES,
-    DensityValues,
-    GeneralizedAlpha,
-    Motion,
-    check_dynamics,
-    check_rates,
-    check_run,
-    check_step,
-    first_acceleration,
-    rates_of,
-)
+from fenics_mortar.path.stepping import SteppingOptions, Steps, check_steps
+from fenics_mortar.path.time_steps import Corrections, GeneralizedAlpha, first_acceleration
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags
 from fenics_mortar.utils.errors import (
     MortarError,
+    NotConvergedError,
+    check_choice,
     check_kind,
     check_number,
+    check_same,
     check_same_texts,
     together,
 )
 
 if TYPE_CHECKING:
-    from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.newton.loop import NewtonReport
-    from fenics_mortar.path.report import DynamicsReport, Forces, Work
-    from fenics_mortar.path.stepping import SteppingOptions
-
-
-class DeformationRate:
-    """Velocities without momentum and angular momentum of any body; all methods are collective.
-
-    Args:
-        space: The displacement's nodes and dofs.
-        inertia: Mass of the bodies.
-        prescribed: Marks of the local dofs with prescribed values.
-    """
-
-    def __init__(self, space: DisplacementSpace, inertia: Inertia, prescribed: Flags) -> None:
-        self._space, self._inertia, self._prescribed = space, inertia, prescribed
-        self._label, self._count = label_bodies(space.V)
-
-    def of(self, velocity: Array, x: Array) -> Array:
-        """The part of a velocity that is orthogonal, in mass, to rigid motions; 0 if prescribed.
-
-        Args:
-            velocity: Array of all local dofs [length / time].
-            x: Positions of the local nodes, shape (n, dim) [length].
-
-        Returns:
-            An array of all local dofs [length / time].
-        """
-        space, inertia, size = self._space, self._inertia, self._space.num_owned
-        comm, owned = space.V.mesh.comm, space.num_nodes
-        centre = comm.allreduce(np.array([*x[:owned].sum(axis=0), owned]))
-        r = x - centre[:-1] / centre[-1]
-        shifts = np.broadcast_to(np.eye(space.dim)[:, None], (space.dim, *x.shape))
-        rigid = shifts[1:] if space.is_axisymmetric else np.concatenate([shifts, turned(r)])
-        fields = np.zeros((len(rigid), velocity.size))
-        fields[:, space.dofs] = rigid
-        momenta = np.array([inertia.times_mass(field) for field in fields])
-        rows = [m * v[:size] for m in momenta for v in (*fields, velocity)]
-        sums = self._by_body(rows).reshape(len(rigid), len(rigid) + 1, self._count)
-        rates = [
-            np.linalg.lstsq(body[:, :-1], body[:, -1], rcond=ROUNDING)[0]
-            for body in np.moveaxis(sums, 2, 0)
-        ]
-        weights = np.array(rates).reshape(self._count, len(rigid))[self._label]
-        rest = velocity - sum(space.spread(w) * f for w, f in zip(weights.T, fields, strict=True))
-        return np.where(self._prescribed, 0.0, rest)
-
-    def _by_body(self, rows: list[Array]) -> Array:
-        """Sums of values (owned dofs,) over the nodes of each body, equal on all ranks."""
-        label = self._label[: self._space.num_nodes]
-        dofs = self._space.owned_dofs
-        nodal = [row[dofs].sum(axis=1) for row in rows]
-        mine = np.array([np.bincount(label, values, self._count) for values in nodal])
-        return np.asarray(self._space.V.mesh.comm.allreduce(mine))
-
-
-@dataclass(frozen=True, eq=False)
-class Balance:
-    """Angular momentum of each body and the moments on it, about the origin; equal on all ranks.
-
-    Attributes:
-        momentum: Angular momentum, shape (axes, bodies) [stress length^2 time]; one axis in the
-            plane, three in space.
-        moment: Moment of all forces except those between bodies, likewise [stress length^2].
-        touching: Whether a pair exerts forces on a body, shape (pairs, bodies), bool.
-        on_obstacle: Whether an obstacle exerts forces on a body, shape (bodies,), bool.
-    """
-
-    momentum: Array
-    moment: Array
-    touching: Flags
-    on_obstacle: Flags
-
-
-@dataclass(frozen=True, eq=False)
-class Rotations:
-    """Rigid rotations of groups of bodies about their centres of mass.
-
-    Attributes:
-        group: Group of each body, shape (bodies,).
-        velocity: Velocity at a rotation by one per time about each axis, arrays of all local dofs,
-            (axes, local dofs) [length].
-        inertia: Tensors of inertia, shape (groups, axes, axes) [stress length^2 time^2].
-        free: Whether no dof of a group is prescribed, shape (groups,), bool.
-        between_bodies: Whether a group also has no forces from obstacles, (groups,), bool.
-    """
-
-    group: Indices
-    velocity: Array
-    inertia: Array
-    free: Flags
-    between_bodies: Flags
-
-
-class SpinReturn:
-    """Angular momentum of the bodies and its correction; all methods are collective.
-
-    Args:
-        problem: The problem; not axisymmetric.
-        inertia: Mass and rates of the bodies.
-    """
-
-    def __init__(self, problem: ContactProblem, inertia: Inertia) -> None:
-        self._equations, self._inertia = problem.equations, inertia
-        self._space = problem.equations.bulk.space
-        self._label, self._count = label_bodies(self._space.V)
-        marks = problem.equations.bulk.prescribed[self._space.owned_dofs].any(axis=1)
-        self._supported = self._sum(marks.astype(float)[None])[0] > 0.0
-
-    def balance(self) -> Balance:
-        """Momenta and moments at the last evaluated state."""
-        inertia, owned = self._inertia, self._space.owned_dofs
-        rates, x = inertia.rates, self._positions()[: len(owned)]
-        rows = [
-            moments_of(x, inertia.times_mass(values)[owned])
-            for values in (rates.velocity, rates.acceleration)
-        ]
-        contacts, axes = self._equations.contacts, len(rows[0])
-        for contact in contacts:
-            force = np.zeros(self._space.num_owned)
-            contact.scatter_add(contact.now.forces, force)
-            f = force[owned]
-            rows += [moments_of(x, f), np.abs(f).sum(axis=1)[None]]
-        sums = self._sum(np.concatenate(rows))
-        meshed = np.array([contact.obstacle is None for contact in contacts], bool)
-        momentum, moment, of_pairs = np.split(sums, [axes, 2 * axes])
-        of_pairs = of_pairs.reshape(len(contacts), axes + 1, self._count)
-        sizes = of_pairs[:, axes] > 0.0
-        moment = moment + of_pairs[meshed, :axes].sum(axis=0)
-        return Balance(momentum, moment, sizes[meshed], sizes[~meshed].any(axis=0))
-
-    def restore(self, before: Balance, after: Balance, dt: float) -> Rotations:
-        """Balance the angular momentum at the end of a step.
-
-        The energy added is subtracted from the energy to be returned, see ``report``.
-
-        Args:
-            before: Balance at the start of the step.
-            after: Balance at its end.
-            dt: The step [time].
-
-        Returns:
-            The rotations of bodies that touched in the step.
-        """
-        inertia, rotations = self._inertia, self._rotations(before, after)
-        missing = before.momentum + 0.5 * dt * (before.moment + after.moment) - after.momentum
-        change = self._rotate(rotations, missing, rotations.free)
-        rates = inertia.rates
-        added = inertia.product(change, rates.velocity + 0.5 * change)
-        inertia.rates = replace(
-            rates, velocity=rates.velocity + change, energy_deficit=rates.energy_deficit - added
-        )
-        return rotations
-
-    def without_spin(self, rotations: Rotations, change: Array, moved: Flags) -> Array:
-        """Subtract the rotation from a change of velocity by internal forces or between bodies.
-
-        Args:
-            rotations: See ``restore``.
-            change: Array of all local dofs [length / time].
-            moved: Groups whose angular momentum stays unchanged, shape (groups,), bool.
-
-        Returns:
-            The change without angular momentum, likewise.
-        """
-        x, owned = self._positions(), self._space.owned_dofs
-        of_mass = self._inertia.times_mass(change)[owned]
-        momentum = self._sum(moments_of(x[: len(owned)], of_mass))
-        return change - self._rotate(rotations, momentum, moved)
-
-    def _rotations(self, before: Balance, after: Balance) -> Rotations:
-        links = [np.flatnonzero(b | a) for b, a in zip(before.touching, after.touching)]
-        pairs = [np.stack([bodies[:-1], bodies[1:]], axis=1) for bodies in links]
-        group, count = join_bodies(np.arange(self._count), self._count, pairs)
-        space, x = self._space, self._positions()
-        one = space.spread(np.ones(len(x)))
-        mass = self._inertia.times_mass(one)[space.owned_dofs]
-        own = x[: len(mass)]
-        sums = self._sum(np.concatenate([mass[:, :1].T, (mass * own).T]))
-        mass_of, *first = (np.bincount(group, row, count) for row in sums)
-        r = x - (np.array(first) / mass_of).T[group[self._label]]
-        turns = turned(r)
-        velocity = np.zeros((len(turns), one.size))
-        velocity[:, space.dofs] = turns
-        of_mass = [self._inertia.times_mass(field)[space.owned_dofs] for field in velocity]
-        second = self._sum(np.concatenate([moments_of(r[: len(mass)], p) for p in of_mass]))
-        free, obstacles = (
-            np.bincount(group, marks, count) == 0.0
-            for marks in (self._supported, before.on_obstacle | after.on_obstacle)
-        )
-        inertia = np.array([np.bincount(group, row, count) for row in second])
-        inertia = inertia.T.reshape(count, len(turns), len(turns)).astype(float)
-        return Rotations(group, velocity, inertia, free, free & obstacles)
-
-    def _rotate(self, rotations: Rotations, momentum: Array, moved: Flags) -> Array:
-        """Rotations of the groups ``moved`` by angular momenta of the bodies, (local dofs,)."""
-        group, inertia = rotations.group, rotations.inertia
-        of_groups = np.array([np.bincount(group, row, len(inertia)) for row in momentum])
-        rates = np.linalg.solve(inertia, of_groups.T[:, :, None])[:, :, 0]
-        rates = np.where(moved[:, None], rates, 0.0)[group[self._label]].T
-        parts = zip(rates, rotations.velocity, strict=True)
-        return np.asarray(sum(self._space.spread(rate) * field for rate, field in parts))
-
-    def _positions(self) -> Array:
-        """Present positions of the local nodes, ghosts included, shape (n, dim) [length]."""
-        return self._equations.bulk.positions()
-
-    def _sum(self, rows: Array) -> Array:
-        """Sums of values of the owned nodes of all ranks, (k, nodes), by body: (k, bodies)."""
-        label = self._label[: self._space.num_nodes]
-        mine = np.array([np.bincount(label, row, self._count) for row in rows])
-        return np.asarray(self._space.V.mesh.comm.allreduce(mine))
-
-
-class Corrections:
-    """Return of angular momentum and energy, see ``report``; all methods are collective.
-
-    Args:
-        problem: The problem.
-        inertia: Mass and rates of the bodies.
-        conserves: Whether the scheme is the trapezoidal rule. Otherwise it dissipates vibrations,
-            and only the energy lost by contact is returned.
-    """
-
-    def __init__(self, problem: ContactProblem, inertia: Inertia, *, conserves: bool) -> None:
-        self._bulk, self._inertia, self._conserves = problem.equations.bulk, inertia, conserves
-        space = self._bulk.space
-        self._spin = None if space.is_axisymmetric else SpinReturn(problem, inertia)
-        self._deformation = DeformationRate(space, inertia, self._bulk.prescribed)
-
-    def balance(self) -> Balance | None:
-        """Angular momentum at the present state; ``None`` with axisymmetry."""
-        return None if self._spin is None else self._spin.balance()
-
-    def correct(
-        self,
-        work: Work,
-        dt: float,
-        start: Array,
-        forces: tuple[Forces, Forces],
-        before: Balance | None,
-    ) -> None:
-        """Return the angular momentum and energy lost in a step.
-
-        Args:
-            work: Work done in the step.
-            dt: The step [time].
-            start: Displacement at its start, shape (local dofs,) [length].
-            forces: Forces at its start and end.
-            before: Angular momentum at its start.
-        """
-        bulk, inertia = self._bulk, self._inertia
-        energy = work.pressure
-        if self._conserves and inertia.rate is None and inertia.rates.time <= dt:
-            energy -= work.imbalance  # in the first step; damping is not returned
-        internal, pressures = None, pressure_impulse(inertia, bulk, forces, dt)
-        if self._conserves and not bulk.is_linear:
-            d = internal_defect(bulk, inertia, start, dt)
-            moved = (bulk.values - start)[: bulk.num_owned]
-            energy += bulk.comm.allreduce(float(d @ moved))
-            internal = inertia.acceleration_of(dt * d, bulk.prescribed)
-        after = self.balance()
-        if self._spin is not None and before is not None and after is not None:
-            turns = self._spin.restore(before, after, dt)
-            if internal is not None:
-                internal = self._spin.without_spin(turns, internal, turns.free)
-            if pressures is not None:
-                pressures = self._spin.without_spin(turns, pressures, turns.between_bodies)
-        rates = inertia.rates
-        inertia.rates = replace(rates, energy_deficit=rates.energy_deficit + energy)
-        impulses = []
-        if internal is not None:
-            impulses.append(Impulse(internal, 0.0, 2.0))
-        if pressures is not None:
-            impulses.append(Impulse(pressures, -1.0, 1.0))
-        if self._conserves:
-            for found in (None,) if pressures is None else (None, pressures):
-                part = self._free_part(rates.velocity, found)
-                impulses.append(Impulse(part, -MAX_SCALING, MAX_SCALING))
-        return_energy(inertia, impulses, ROUNDING * work.largest)
-
-    def _free_part(self, velocity: Array, pressures: Array | None) -> Array:
-        """The part of a velocity that may change in an impact, (local dofs,) [length / time].
-
-        Velocities of deformation, and rigid motions as those caused by the pressures.
-        """
-        inertia, x = self._inertia, self._bulk.positions()
-        part = self._deformation.of(velocity, x)
-        if pressures is not None:
-            rigid = pressures - self._deformation.of(pressures, x)
-            power, square = inertia.product(rigid, velocity), inertia.product(rigid, rigid)
-            part += power / square * rigid if square > 0.0 else 0.0
-        return part
+    from fenics_mortar.path.report import Forces, Work
 
 
 class Dynamics:
@@ -436,7 +122,7 @@ class Dynamics:
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
         massless = [] if scheme == "generalized_alpha" else slaves
         nodes = np.unique(np.concatenate([np.empty(0, np.int64), *massless]))
-        self._density = DensityValues(density)
+        self._density, self._masses_of = density, _density_values(density)
         self._inertia = Inertia(equations.bulk.space, density, nodes)
         self._inertia.rate = velocity
         self._inertia.scheme = f"scheme='{scheme}', rho_inf={self._scheme.rho:g}"
@@ -508,12 +194,11 @@ class Dynamics:
         """
         problem, inertia = self.problem, self._inertia
         self._refuse_driven_motions()
-        self._density.check(problem)
+        self._check_density()
         check_step(dt, inertia.rates.time)
         start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
-        corrections = self._corrections
-        balance = None if corrections is None else corrections.balance()
+        balance = None if self._corrections is None else self._corrections.balance()
         problem.time = rates.time + dt
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
@@ -542,8 +227,8 @@ class Dynamics:
         )
         after = forces_of(problem)
         work = work_of(problem, before, problem.state(), forces, after)
-        if corrections is not None:
-            corrections.correct(work, dt, before.u, (forces, after), balance)
+        if self._corrections is not None and balance is not None:
+            self._corrections.correct(work, dt, before.u, (forces, after), balance)
         inertia.set_rates(inertia.rates, u)
         speeds = [inertia.product(v, v) for v in (rates.velocity, inertia.rates.velocity)]
         self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
@@ -552,7 +237,10 @@ class Dynamics:
     def _begin(self) -> None:
         """Set the inertia forces of the present state; at the start compute the accelerations."""
         inertia, bulk = self._inertia, self.problem.equations.bulk
-        check_rates(self.problem)
+        self.velocity.x.scatter_forward()
+        bad = int(np.count_nonzero(~np.isfinite(self.velocity.x.array)))
+        if bulk.comm.allreduce(bad):
+            raise MortarError("the velocity of Dynamics is not finite")
         if inertia.rates.begun:
             inertia.set_rates(inertia.rates, bulk.u.x.array)
             return
@@ -575,6 +263,16 @@ class Dynamics:
                 f"remote load '{names[0]}' is driven by forces, but scheme='conserving' corrects "
                 "velocities node by node: expected scheme='massless' or 'generalized_alpha', "
                 "prescribe the motion by move, or use a SpreadLoad"
+            )
+
+    def _check_density(self) -> None:
+        """Reject a density that has changed since masses were assembled."""
+        pairs = zip(self._masses_of, _density_values(self._density), strict=True)
+        changed = not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+        if self.problem.equations.comm.allreduce(int(changed)):
+            raise MortarError(
+                "the density has changed since Dynamics(...), whose masses are constant: set up a "
+                "new problem, and give its Dynamics the velocity"
             )
 
     def _driven_dofs(self) -> Flags:
@@ -629,7 +327,9 @@ class Dynamics:
         check_same_texts(self.problem.equations.comm, "run", given)
         self._begin()
         advance = partial(self._advance, adapts=tolerance is not None)
-        return Motion(self, advance, options, tolerance).run(stop, set_loads, on_step)
+        steps = TimeSteps(self, advance, tolerance, stop, options, set_loads)
+        report: DynamicsReport = steps.run(on_step)
+        return report
 
     # Measures
 
@@ -653,7 +353,10 @@ class Dynamics:
             dt: The step [time].
         """
         inertia = self._inertia
-        change = inertia.rates.acceleration - rates_of(before).acceleration
+        check_kind("before", before, State, "a state of the problem")
+        if before.rates is None:
+            raise ValueError("before has no velocity: expected a state of the motion")
+        change = inertia.rates.acceleration - before.rates.acceleration
         size = float(np.sqrt(max(inertia.product(change, change), 0.0)))
         return dt * size / 12.0 / max(self._largest_speed, TINY)
 
@@ -689,3 +392,175 @@ class Dynamics:
         x = bulk.u.x.array.copy()
         x[bulk.space.dofs] = bulk.positions()
         return x
+
+
+class TimeSteps(Steps):
+    """Time steps of ``Dynamics.run``.
+
+    Args:
+        bodies: The ``Dynamics``.
+        advance: Function that takes a step from the forces at its start.
+        tolerance: Allowed error of a step, or ``None``.
+        stop: Time of the last state [time].
+        given: Sizes of the steps and function of the loads, see ``Steps``.
+    """
+
+    def __init__(
+        self, bodies: Any, advance: Any, tolerance: float | None, stop: float, *given: Any
+    ) -> None:
+        reached = stop - bodies.time <= ROUNDING * given[0].smallest  # the time is a sum of steps
+        super().__init__(bodies.problem, (stop if reached else bodies.time, stop), *given)
+        self._bodies, self._advance, self._tolerance = bodies, advance, tolerance
+        self.report = DynamicsReport(
+            bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf
+        )
+        options = self.options
+        self._largest = options.step if tolerance is None else options.largest or options.step
+
+    def attempt(self, time: float, step: float) -> NewtonReport:
+        """Solve for the end of a step that starts at a time; its record."""
+        before, tolerance = self.problem.state(), self._tolerance
+        newton, forces, self._work = self._advance(step, self.forces)
+        self._error = error = self._bodies.error(before, step)
+        if tolerance is not None and error > tolerance and step > self.options.smallest:
+            raise NotConvergedError(f"error of the step {error:.1e}", newton)
+        self.forces = forces
+        return newton
+
+    def accept(self, time: float, step: float, newton: NewtonReport) -> float:
+        """See ``Steps``; the error grows with the square of the size.
+
+        The next step has nine tenths of the size at which the error would be the tolerance, or
+        less.
+        """
+        bodies, options, growth = self._bodies, self.options, self.options.growth
+        measured = self._error, self._work, bodies.energies(), step, bodies.energy_deficit
+        self.report.steps.append(TimeStep(time, newton, self.report.failures, *measured))
+        if self._tolerance is not None:
+            growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(self._error, TINY))))
+        return min(max(growth * step, options.smallest), self._largest)
+
+    def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
+        """Why the motion ends at a time, and why larger steps failed, if that differs."""
+        failures = self.report.failures
+        first, last = failures[0].reason, failures[-1].reason
+        count = sum(report.reason == first for report in failures)
+        times = f" ({count} times)" if count > 1 else ""
+        others = "" if first == last else f"; larger steps failed since{times}: {first}"
+        return f"the motion ends at time {time:.6g}: a step of {step:.1e} fails; {failure}{others}"
+
+
+def check_run(
+    stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
+) -> None:
+    """Reject arguments of ``Dynamics.run`` (local)."""
+    expected = f"a time from the present one, {time:.6g}, on"
+    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
+    check_steps(options, len if set_loads is None else set_loads, on_step)
+    if tolerance is not None:
+        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
+
+
+# Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
+# frequencies excited by impacts and not resolved by the time step.
+SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
+
+
+def check_dynamics(
+    problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
+) -> None:
+    """Reject arguments of ``Dynamics``, also those that differ between ranks (collective).
+
+    Raises:
+        ValueError: On all ranks, if an argument is not allowed.
+        MortarError: On all ranks, if arguments differ, or a tag is unknown.
+    """
+    comm, bulk = problem.equations.comm, problem.equations.bulk
+    with together(comm, "Dynamics"):
+        check_choice("scheme", scheme, SCHEMES)
+        if scheme == "conserving" and bulk.history.functions:
+            raise ValueError(
+                "scheme='conserving' returns lost energy, and does not support bodies with "
+                "history, which dissipate: expected scheme='massless' or 'generalized_alpha'"
+            )
+        if rho_inf is not None:
+            check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
+        mesh = bulk.V.ufl_domain()
+        _check_density(density, mesh)
+        _check_energy(energy, mesh)
+        _check_velocity(velocity, problem)
+        if problem.equations.model_check is not None:
+            raise ValueError("problem has a ModelCheck, whose models have no inertia")
+        if bulk.inertia is not None:
+            raise ValueError(
+                "problem has inertia already, from another Dynamics: set up a new problem"
+            )
+    is_number = not isinstance(density, ufl.core.expr.Expr)
+    given = {
+        "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
+        "energy": energy is not None, "density": density if is_number else "a UFL expression",
+    }  # fmt: skip
+    check_same_texts(comm, "Dynamics", given)
+    constants = [] if is_number else extract_constants(density)
+    check_same(comm, [("a constant of density", c.value) for c in constants])
+    if energy is not None:
+        named = [contact.pair.data for contact in problem.equations.contacts]
+        check_subdomains("energy", energy, bulk.V.mesh, named)
+
+
+def _check_density(density: Any, mesh: Any) -> None:
+    if not isinstance(density, ufl.core.expr.Expr):
+        check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
+        return
+    if density.ufl_shape:
+        raise ValueError(f"density has the shape {density.ufl_shape}: expected a scalar")
+    if extract_arguments(density):
+        raise ValueError("density has a test function: expected a number or a function")
+    if any(domain != mesh for domain in extract_domains(density)):
+        raise ValueError("density belongs to another mesh than the problem")
+
+
+def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
+    """Reject a velocity that the residual does not contain, and a missing one."""
+    bulk = problem.equations.bulk
+    if velocity is not None:
+        check_kind("velocity", velocity, Velocity, "a Velocity(u)")
+        if velocity.u is not bulk.u:
+            raise ValueError("velocity is that of another function: expected Velocity(u)")
+    given = None if velocity is None else velocity.origin
+    used = [data for data in bulk.data if isinstance(data, Origin)]
+    if given is not None and not any(origin is given for origin in used):
+        raise ValueError("velocity has no effect: the residual does not contain its expression")
+    if any(origin is not given for origin in used):
+        raise ValueError(
+            "the residual contains a Velocity that would remain zero: expected velocity=..., the "
+            "same object"
+        )
+
+
+def _check_energy(energy: Any, mesh: Any) -> None:
+    if energy is None:
+        return
+    check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
+    if energy.arguments():
+        raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
+    check_domain("energy", energy, mesh)
+
+
+def _density_values(density: Any) -> list[Array]:
+    """Copies of the values of constants and functions of a density (local)."""
+    if not isinstance(density, ufl.core.expr.Expr):
+        return []
+    values = [np.array(constant.value) for constant in extract_constants(density)]
+    return values + [function.x.array.copy() for function in extract_coefficients(density)]
+
+
+def check_step(dt: Any, time: float) -> None:
+    """Reject a step that is not positive, or lost in the rounding of ``time`` (local).
+
+    Raises:
+        ValueError: If the step is not allowed.
+    """
+    check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
+    expected = f"a step that the time {time:g} can resolve"
+    check_number("dt", dt, expected, lambda dt: time + dt > time and 0.0 < dt * dt < np.inf)

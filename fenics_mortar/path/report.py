@@ -9,58 +9,27 @@ DEBUG. Nothing is shown unless the program sets up logging::
     logging.basicConfig()
     logging.getLogger("fenics_mortar").setLevel(logging.INFO)
 
-Energy in a step: work of all forces, and the return of what errors of a time step change.
-
-**Energy lost by errors of a time step, and its return by means of the impulses that cause them.**
-Two errors of the trapezoidal rule change the energy. The work of the pressures is
-
-    (f_n + f_(n+1)) . (u_(n+1) - u_n) / 2 = (z_n g_(n+1) - z_(n+1) g_n) / 2
-
-in a step in which a node closes or opens. It should vanish; it is of second order, with the same
-sign for most nodes of an impact. The work of nonlinear internal forces should be the difference of
-the strain energies, the integral of r(u) . du from u_n to u_(n+1). Lobatto's rule with four points
-on the straight line, exact for stresses up to fifth order in the displacement, differs from the
-trapezoidal one by d . (u_(n+1) - u_n) with
-
-    d = 5 (r(u_n) - r(u_a) - r(u_b) + r(u_(n+1))) / 12
-
-and the states u_a and u_b at the fractions (1 - 1/sqrt(5)) / 2 and (1 + 1/sqrt(5)) / 2 of the line.
-
-The sum of both over all steps, and of rotations, see ``dynamics``, is the ``energy_deficit``. So
-is, without damping, the work of forces on nodes without mass that are not in balance at the start.
-After each step it is returned as far as possible: a fraction t of an impulse J is added to the
-momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2 and leaves the sum
-of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act with their mean
-along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of t between
-0 and 2 are at most as large as its own. The second is that of the pressures, if a pair is closed,
-with |t| <= 1. The third changes the amplitude of vibrations, see ``dynamics``, the last
-one also the rigid motion that pressures change: it returns what the last pressures of an impact
-cannot. Other
-rigid motions are left out. (Laursen & Love 2002 correct velocities in a similar way for each node.)
+Energy in a step: work of all forces, and remarks on what errors of time steps change.
 """
 
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact, needing_time
-from fenics_mortar.equations.solver import loads_of
+from fenics_mortar.contact.contact import needing_time
+from fenics_mortar.equations.predictor import loads_of
 from fenics_mortar.obstacles.rigid_motion import motion_between
 from fenics_mortar.utils.arrays import TINY, Array
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.inertia import Inertia
-    from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.equations.general import State
     from fenics_mortar.newton.loop import NewtonReport
     from fenics_mortar.problem import ContactProblem
@@ -159,120 +128,6 @@ def work_of(
     work[4] += np.abs(on_obstacles * moved).sum()
     work[5] = sum(pair.now.friction_work for pair in equations.contacts)
     return Work(*map(float, work))
-
-
-# Largest relative change of the velocity of deformation and impact in a step, to return energy [1].
-# Impacts in steps of a wave's time through a cell rarely need 0.1, longer steps need 0.3. The limit
-# is for bodies without vibrations, whose rounding must not grow.
-MAX_SCALING = 0.3
-# Distance of the inner points of Lobatto's rule from the middle of a step [steps].
-LOBATTO = 0.5 / math.sqrt(5.0)
-
-
-class Impulse(NamedTuple):
-    """A change of velocity and the fractions of it that may be added.
-
-    Attributes:
-        change: Array of all local dofs [length / time].
-        smallest: Smallest fraction [1].
-        largest: Largest fraction [1].
-    """
-
-    change: Array
-    smallest: float
-    largest: float
-
-
-def internal_defect(bulk: Bulk, inertia: Inertia, start: Array, dt: float) -> Array:
-    """Force d by which the trapezoidal rule exceeds Lobatto's in a step to the present state.
-
-    Loads are those of the end of the step, and a velocity in the residual is the mean one; terms
-    that are linear in the displacement have no part (collective).
-
-    Args:
-        bulk: The bodies, in the state at the end of the step.
-        inertia: Mass and rates.
-        start: Displacement at the start, shape (local dofs,) [length].
-        dt: The step [time].
-
-    Returns:
-        Forces at the owned dofs [stress length].
-    """
-    u, end = bulk.values, bulk.values.copy()
-    kept, mean = bulk.r.array_r.copy(), (end - start) / dt
-    d = np.zeros(bulk.num_owned)
-    for weight, fraction in ((1.0, 0.0), (-1.0, 0.5 - LOBATTO), (-1.0, 0.5 + LOBATTO), (1.0, 1.0)):
-        place = (1.0 - fraction) * start + fraction * end
-        u[:] = place
-        if inertia.rate is not None:
-            inertia.rate.set(1.0, place - mean)
-        bulk.assemble_residual()
-        d += 5.0 / 12.0 * weight * bulk.r.array_r[: bulk.num_owned]
-    u[:] = end
-    bulk.r.array[:] = kept
-    return d
-
-
-def pressure_impulse(
-    inertia: Inertia, bulk: Bulk, forces: tuple[Forces, Forces], dt: float
-) -> Array | None:
-    """Change of velocity by half the impulse of pressures in a step; ``None`` if all are open.
-
-    Args:
-        inertia: Mass and rates.
-        bulk: The bodies.
-        forces: Forces at the start and the end of the step; see ``forces_of``.
-        dt: The step [time].
-
-    Returns:
-        An array of all local dofs [length / time] (collective).
-    """
-    for found in reversed(forces):
-        pressures = found[1] - found[3]
-        if bulk.comm.allreduce(bool(pressures.any()), MPI.LOR):
-            return inertia.acceleration_of(0.5 * dt * pressures, bulk.prescribed)
-    return None
-
-
-def return_energy(inertia: Inertia, impulses: Sequence[Impulse], rounding: float) -> None:
-    """Add fractions of impulses that return the energy deficit as far as possible (collective).
-
-    Args:
-        inertia: Mass and rates, at the end of the step.
-        impulses: The impulses, in this order.
-        rounding: Energy that counts as zero [stress length^2].
-    """
-    for change, smallest, largest in impulses:
-        energy, velocity = inertia.rates.energy_deficit, inertia.rates.velocity
-        if abs(energy) <= rounding:
-            return
-        power, square = inertia.product(velocity, change), inertia.product(change, change)
-        t = min(max(fraction_of_impulse(energy, power, square), smallest), largest)
-        inertia.rates = replace(
-            inertia.rates,
-            velocity=velocity + t * change,
-            energy_deficit=energy - (t * power + 0.5 * t**2 * square),
-        )
-
-
-def fraction_of_impulse(energy: float, power: float, square: float) -> float:
-    """Smallest fraction t of an impulse that adds an energy: t power + t^2 square / 2.
-
-    Args:
-        energy: The energy [stress length^2].
-        power: Velocity times impulse [stress length^2].
-        square: The impulse's change of velocity times the impulse [stress length^2].
-
-    Returns:
-        t; if no t adds the energy, the t that comes closest.
-    """
-    inside = power**2 + 2.0 * square * energy
-    if inside <= 0.0:
-        t = -power / square if square > 0.0 else 0.0
-    else:
-        larger = abs(power) + math.sqrt(inside)
-        t = math.copysign(2.0, power) * energy / larger if larger > 0.0 else 0.0
-    return t
 
 
 @dataclass(frozen=True)
@@ -422,7 +277,8 @@ class EnergyErrors(NamedTuple):
 
     Attributes:
         kinetic: Largest kinetic energy [stress length^2].
-        deficit: Energy lost and not returned, zero unless the scheme is "conserving" [likewise].
+        deficit: Largest energy lost and not returned, zero unless the scheme is "conserving"
+            [likewise].
         contact: Energy that contact pressures added [likewise].
         friction: Energy that friction added [likewise].
         imbalance: Work of forces that are not in balance in the first step [likewise].
@@ -445,17 +301,17 @@ class EnergyErrors(NamedTuple):
 
         Args:
             work: Work done in the step.
-            kinetic: Largest kinetic energy so far [stress length^2].
+            kinetic: Kinetic energy at its end [stress length^2].
             deficit: Energy lost so far and not returned [likewise].
             size: The step [time].
             time: Its end [time].
         """
         return EnergyErrors(
-            kinetic=kinetic,
-            deficit=deficit,
+            kinetic=max(self.kinetic, kinetic),
+            deficit=max(self.deficit, deficit, key=abs),
             contact=self.contact - work.pressure,
             friction=self.friction - work.shear,
-            imbalance=self.imbalance if self.size else work.imbalance,
+            imbalance=self.imbalance if self.time else work.imbalance,
             size=max(self.size, size),
             time=time,
         )
@@ -567,16 +423,10 @@ class DynamicsReport(_OfSteps):
 
     def _of_energy(self) -> str:
         """Remark on energy added or extracted by errors of the time steps; "" if small."""
-        if not self.steps:
-            return ""
-        errors = EnergyErrors(
-            kinetic=max(e.kinetic for e in (self.start, *(s.energies for s in self.steps))),
-            deficit=max((s.deficit for s in self.steps), key=abs),
-            contact=self.contact_energy,
-            friction=-self.friction_work,
-            imbalance=self.steps[0].work.imbalance,
-            size=max(s.size for s in self.steps),
-        )
+        errors = EnergyErrors(kinetic=self.start.kinetic)
+        for step in self.steps:
+            totals = step.energies.kinetic, step.deficit
+            errors = errors.after(step.work, *totals, size=step.size, time=step.time)
         return errors.remark(self.scheme, self.rho_inf)
 
     def table(self) -> str:
@@ -600,67 +450,34 @@ LOGGER = logging.getLogger("fenics_mortar")
 LOGGER.addHandler(logging.NullHandler())
 
 
-class Progress:
-    """Log of one path; all methods are local.
+def log_solve(comm: MPI.Comm, line: str, report: NewtonReport) -> None:
+    """Log the end of a step, accepted or not, and its solve, on rank 0 (local)."""
+    if comm.rank == 0:
+        LOGGER.info("%s", line)
+        LOGGER.debug("%s", report)
+
+
+def values_to_set(problem: ContactProblem) -> list[Any]:
+    """Values that ``set_loads`` may set, in a fixed order (local)."""
+    values, laws = loads_of(problem.equations)
+    shapes = [value for obstacle in problem.obstacles for value in obstacle.shape().values()]
+    return [*values, *laws, *shapes]
+
+
+def remarks_on_idle(problem: ContactProblem, num_steps: int, *, changed: bool) -> list[str]:
+    """Remark on several steps in which no rank had other loads than before them (collective).
+
+    Laws that depend on the time may be the reason for such a path.
 
     Args:
-        comm: Communicator of the problem; rank 0 logs.
+        problem: The problem after the steps.
+        num_steps: Number of accepted steps.
+        changed: Whether the loads changed on this rank.
     """
-
-    def __init__(self, comm: MPI.Comm) -> None:
-        self._logs, self._num_steps = comm.rank == 0, 0
-
-    def accept(self, time: float, report: NewtonReport) -> None:
-        """Log the accepted step to ``time``."""
-        self._num_steps += 1
-        self._log(f"step {self._num_steps}, time {time:.6g}: {report.reason}", report)
-
-    def cut(self, time: float, reason: str, report: NewtonReport) -> None:
-        """Log the failed step to ``time``."""
-        self._log(f"time {time:.6g}: cut, {reason}", report)
-
-    def _log(self, line: str, report: NewtonReport) -> None:
-        if self._logs:
-            LOGGER.info("%s", line)
-            LOGGER.debug("%s", report)
-
-
-class IdleLoads:
-    """Comparison of the loads of all steps with those before the path.
-
-    Args:
-        problem: The problem, before the first step.
-    """
-
-    def __init__(self, problem: ContactProblem) -> None:
-        self._problem, self._changed = problem, False
-        self._first = self._loads()
-
-    def look(self) -> None:
-        """Compare the present loads (local)."""
-        if not self._changed:
-            pairs = zip(self._first, self._loads(), strict=True)
-            self._changed = not all(np.array_equal(a, b) for a, b in pairs)
-
-    def remarks(self, num_steps: int) -> list[str]:
-        """The remark after several steps without any change; else none (collective).
-
-        Laws that depend on the time may be the reason for such a path.
-
-        Args:
-            num_steps: Number of accepted steps.
-        """
-        contacts, comm = self._problem.equations.contacts, self._problem.equations.comm
-        timed = any(isinstance(c, Contact) and needing_time(c) for c in contacts)
-        if on_any_rank(comm, self._changed) or timed or num_steps < 2:
-            return []
-        return [
-            "set_loads changed no constant, function, prescribed value, obstacle or law of the "
-            "problem in any step: set values in place, e.g. push.value[1] = -0.03 * time"
-        ]
-
-    def _loads(self) -> list[Any]:
-        """Values that ``set_loads`` may set, in a fixed order (local)."""
-        loads, obstacles = loads_of(self._problem.equations), self._problem.obstacles
-        shapes = [value for obstacle in obstacles for value in obstacle.shape().values()]
-        return [*loads.values, *loads.laws, *shapes]
+    timed = any(map(needing_time, problem.equations.floating.contacts))
+    if on_any_rank(problem.equations.comm, changed) or timed or num_steps < 2:
+        return []
+    return [
+        "set_loads changed no constant, function, prescribed value, obstacle or law of the "
+        "problem in any step: set values in place, e.g. push.value[1] = -0.03 * time"
+    ]

@@ -22,9 +22,9 @@ inertia.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, wraps
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
@@ -35,16 +35,24 @@ from fenics_mortar.contact.arcs import MAX_ROTATION
 from fenics_mortar.contact.contact import Contact, start_clock
 from fenics_mortar.contact.law import STICK
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.general import Snapshot, State, as_interruption
+from fenics_mortar.equations.general import Kept, Snapshot, State, restored_if_interrupted
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.newton.loop import NewtonReport
-from fenics_mortar.path.report import IdleLoads, PathReport, PathStep, Progress, forces_of, work_of
+from fenics_mortar.path.report import (
+    PathReport,
+    PathStep,
+    forces_of,
+    log_solve,
+    remarks_on_idle,
+    values_to_set,
+    work_of,
+)
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Indices, norms
+from fenics_mortar.utils.arrays import EPSILON, HALF_FACET, ROUNDING, Array, Indices, norms
 from fenics_mortar.utils.errors import (
     MortarError,
     NotConvergedError,
@@ -69,21 +77,36 @@ MAX_SLIDING = 8
 Place = tuple[Contact, int]
 
 
+def _restored(find: Callable[[ContactProblem], str]) -> Callable[[ContactProblem], str]:
+    """Result of ``find`` for the present state, which is restored; "" if ``find`` fails."""
+
+    @wraps(find)
+    def found(problem: ContactProblem) -> str:
+        start = problem.state()
+        try:
+            return find(problem)
+        except RaisedElsewhereError:
+            raise
+        except MortarError:
+            return ""
+        finally:
+            problem.restore(start)
+
+    return found
+
+
+@_restored
 def reason_for_end(problem: ContactProblem) -> str:
     """Reason why there is no equilibrium next to a state; "" if uncertain (collective).
 
     Args:
         problem: At the last equilibrium, with slightly advanced loads; its state is restored.
     """
-    return _reason(
-        problem,
-        lambda start: (
-            agreed(problem.equations.comm, "; ".join(_slipping_off(problem)))
-            or _deadlock(problem, start)
-        ),
-    )
+    slipping = agreed(problem.equations.comm, "; ".join(_slipping_off(problem)))
+    return slipping or _deadlock(problem)
 
 
+@_restored
 def describe_turning_point(problem: ContactProblem) -> str:
     """Describe the turning point in a failed step; "" if there is none (collective).
 
@@ -93,35 +116,15 @@ def describe_turning_point(problem: ContactProblem) -> str:
     Args:
         problem: At the last equilibrium, with the loads of the step; its state is restored.
     """
-    if problem.equations.floating.bodies:
+    e = problem.equations
+    if e.floating.bodies:
         return ""
-    return _reason(problem, lambda _: _turning_point(problem))
-
-
-def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
-    """Result of ``find`` for the present state, which is restored; "" if ``find`` fails."""
-    start = problem.state()
-    try:
-        return find(start)
-    except RaisedElsewhereError:
-        raise
-    except MortarError:
-        return ""
-    finally:
-        problem.restore(start)
-
-
-def _turning_point(problem: ContactProblem) -> str:
-    """Turning point of the equations linearized at the start of the step (collective)."""
-    equations = problem.equations
-    equations.start_step()
-    equations.evaluate(start=False)
-    linearized = LinearizedContact(
-        equations.bulk, equations.floating, equations.system, equations.motions
-    )
+    e.start_step()
+    e.evaluate(start=False)
+    linearized = LinearizedContact(e)
     if not linearized.applies:
         return ""
-    equations.bulk.assemble_tangent()
+    e.bulk.assemble_tangent()
     return linearized.describe_turning_point()
 
 
@@ -214,14 +217,14 @@ def _shortest(facets: Indices, x: Array) -> float:
     return float(np.linalg.norm(x[facets[:, -1]] - x[facets[:, 0]], axis=1).min())
 
 
-def _deadlock(problem: ContactProblem, start: State) -> str:
+def _deadlock(problem: ContactProblem) -> str:
     """Describe the case in which all combinations of stick and slip violate the friction law."""
+    start = problem.state()
     if problem.equations.linearization != LINEARIZATIONS["full"]:
         return ""
     sliding = [
         (contact, j)
-        for contact in problem.equations.contacts
-        if isinstance(contact, Contact)
+        for contact in problem.equations.floating.contacts
         for j in np.flatnonzero(contact.sliding).tolist()
     ]
     if not 0 < len(sliding) <= MAX_SLIDING:
@@ -245,7 +248,7 @@ def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -
     problem.restore(start)
     problem.equations.start_step()
     problem.equations.evaluate(start=False)
-    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
+    contacts = problem.equations.floating.contacts
     for contact, before in zip(problem.equations.contacts, start.interfaces, strict=True):
         branch = before.branch.copy()
         branch[[j for other, j in sticking if other is contact]] = STICK
@@ -266,79 +269,67 @@ def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -
 WITHIN = (0.11, 0.36, 0.68)
 
 
-class PrescribedTurns:
-    """Rotations that loads prescribe within a step; all methods are collective.
+@contextmanager
+def loads_of_step(
+    problem: ContactProblem, set_loads: Callable[[float], None], start: float, stop: float
+) -> Iterator[None]:
+    """Context of a step with the loads of its end; refuses steps in which bodies turn far.
+
+    Collective.
 
     Args:
         problem: The problem.
         set_loads: Function that sets loads and prescribed values for a time, on all ranks.
+        start: Time of the present state [time].
+        stop: Time at the end of the step [time].
+
+    Raises:
+        NotConvergedError: On all ranks, if one side of a pair turns by more than ``MAX_ROTATION``
+            relative to the other one; obstacles turn by known angles.
+        Exception: Any error of the function, also at times within the step.
     """
+    bulk, outline = problem.equations.bulk, problem.equations.crossings.outline
+    led = problem.equations.crossings.led
 
-    def __init__(self, problem: ContactProblem, set_loads: Callable[[float], None]) -> None:
-        equations = problem.equations
-        self._bulk, self._floating, self._set_loads = equations.bulk, equations.floating, set_loads
-        self._outline, self._led = equations.crossings.outline, equations.crossings.led
+    def moved(time: float) -> Array:
+        set_loads(time)
+        values = bulk.values.copy()
+        compat.set_prescribed(values, bulk.bcs)
+        return outline.positions(values)
 
-    @contextmanager
-    def of_step(self, start: float, stop: float) -> Iterator[None]:
-        """Context of a step, in which the turns of prescribed values are known; see ``set_loads``.
+    if led.may_turn:
+        times = [*(start + fraction * (stop - start) for fraction in WITHIN), stop]
+        knots = [outline.positions(bulk.values), *map(moved, times)]
+        turns = [led.turns(*ends) for ends in pairwise(knots)]
+        for sides in sorted(led.sides):
+            _refuse_turns(problem, sides, turns)
+    else:
+        set_loads(stop)
+    led.examined = True
+    try:
+        yield
+    finally:
+        led.examined = False
 
-        Args:
-            start: Time of the present state [time].
-            stop: Time at the end of the step [time].
-        """
-        self.set_loads(start, stop)
-        self._led.examined = True
-        try:
-            yield
-        finally:
-            self._led.examined = False
 
-    def set_loads(self, start: float, stop: float) -> None:
-        """Set the loads of the end of a step; refuse steps in which bodies turn far.
+def _refuse_turns(problem: ContactProblem, sides: tuple[int, int], turns: list[Turns]) -> None:
+    """Raise an error if one of two bodies turns too far relative to the other one."""
+    led = problem.equations.crossings.led
+    relative = np.array([np.linalg.norm(led.relative(sides, turn)) for turn in turns])
+    total = float(np.abs(np.arctan2(np.sin(relative), np.cos(relative))).sum())
+    if total <= MAX_ROTATION:
+        return
 
-        Args:
-            start: Time of the present state [time].
-            stop: Time at the end of the step [time].
+    def turned(side: int) -> float:
+        return sum(float(np.linalg.norm(turn[side])) for turn in turns if side in turn)
 
-        Raises:
-            NotConvergedError: On all ranks, if one side of a pair turns by more than
-                ``MAX_ROTATION`` relative to the other one; obstacles turn by known angles.
-            Exception: Any error of the function, also at times within the step.
-        """
-        if not self._led.may_turn:
-            return self._set_loads(stop)
-        times = [start + fraction * (stop - start) for fraction in WITHIN]
-        knots = [self._outline.positions(self._bulk.u.x.array), *map(self._moved, [*times, stop])]
-        turns = [self._led.turns(*ends) for ends in pairwise(knots)]
-        for sides in sorted(self._led.sides):
-            self._refuse(sides, turns)
-        return None
-
-    def _moved(self, time: float) -> Array:
-        """Set the loads; positions with the prescribed values, shape (n, d) [length]."""
-        self._set_loads(time)
-        values = self._bulk.u.x.array.copy()
-        compat.set_prescribed(values, self._bulk.bcs)
-        return self._outline.positions(values)
-
-    def _refuse(self, sides: tuple[int, int], turns: list[Turns]) -> None:
-        """Raise an error if one of two bodies turns too far relative to the other one."""
-        relative = np.array([np.linalg.norm(self._led.relative(sides, turn)) for turn in turns])
-        nearest = np.abs(np.arctan2(np.sin(relative), np.cos(relative)))
-        total = float(nearest.sum())
-        if total > MAX_ROTATION:
-
-            def turned(side: int) -> float:
-                return sum(float(np.linalg.norm(turn[side])) for turn in turns if side in turn)
-
-            turning = self._floating.name_of(max(sides, key=turned))
-            reason = (
-                f"{turning} turns by at least {np.degrees(total):.0f} degrees in the step; the "
-                "ends tell the direction of slip and the bodies passed up to "
-                f"{np.degrees(MAX_ROTATION):.0f} degrees only: take smaller steps"
-            )
-            raise NotConvergedError(reason, NewtonReport(reason=reason))
+    turning = problem.equations.floating.name_of(max(sides, key=turned))
+    reason = (
+        f"{turning} turns by at least {np.degrees(total):.0f} degrees in the step; the ends tell "
+        "the direction of slip and the bodies passed up to "
+        f"{np.degrees(MAX_ROTATION):.0f} degrees only: take smaller steps"
+    )
+    raise NotConvergedError(reason, NewtonReport(reason=reason))
 
 
 @dataclass(frozen=True)
@@ -479,109 +470,162 @@ def follow_path(
     """
     check_kind("problem", problem, ContactProblem, "a ContactProblem")
     with together(problem.equations.comm, "follow_path"):
-        _check_path(set_loads, options, start, stop, on_step)
+        check_steps(options, set_loads, on_step)
+        for name, value in (("start", start), ("stop", stop)):
+            check_number(name, value, "a finite number", np.isfinite)
+        if start > stop:
+            raise ValueError(
+                f"start={start!r} is beyond stop={stop!r}: times increase; to unload, reduce the "
+                f"loads with time in set_loads"
+            )
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
     check_same_texts(problem.equations.comm, "follow_path", given)
-    path, time, step = PathReport(), start, options.step
     start_clock(problem.equations.contacts, start)
-    largest, lengths = options.largest or options.step, StepLengths()
-    predictor = Predictor(problem.equations, start)
-    forces, last = forces_of(problem), [(start, Snapshot(problem.equations))]
-    idle = IdleLoads(problem)
-
-    def load(time: float) -> None:
-        problem.time = time
-        call_together(problem.equations.comm, "set_loads", partial(set_loads, time))
-
-    turns, shown = PrescribedTurns(problem, load), Progress(problem.equations.comm)
-    with _kept(last):
-        while time < stop:
-            step = min(step, stop - time)
-            if stop - time - step < ROUNDING * step:
-                step = stop - time
-            accepted = predictor.last
-            try:
-                may_cut = step > options.smallest
-                solve = partial(_solve_soundly, problem, accepted, may_cut)
-                attempt = predictor.attempt(time + step, solve, guesses=options.predict)
-                with turns.of_step(time, time + step), attempt as finish:
-                    report = finish()
-            except NotConvergedError as failure:
-                path.failures.append(failure.report)
-                problem.restore(accepted)
-                shown.cut(time + step, str(failure), failure.report)
-                if step <= options.smallest:
-                    turning_point = describe_turning_point(problem)
-                    load(min(time + MIN_FRACTION * options.step, stop))
-                    path.dead_end = reason_for_end(problem) or turning_point
-                    load(time)
-                    message = _end_of_path(time, step, path.dead_end, failure)
-                    raise NotConvergedError(message, path) from failure
-                lengths.cut(step)
-                step = max(options.cut * step, options.smallest)
-                continue
-            before_forces, forces = forces, forces_of(problem)
-            work = work_of(problem, accepted, predictor.last, before_forces, forces)
-            time = stop if step == stop - time else time + step
-            last[0] = time, Snapshot(problem.equations)
-            path.steps.append(PathStep(time, step, report, path.failures, work))
-            path.failures = []
-            idle.look()
-            shown.accept(time, report)
-            if on_step is not None:
-                call_together(problem.equations.comm, "on_step", partial(on_step, time, report))
-            growth = options.growth if report.num_iterations <= options.easy else 1.0
-            step = lengths.following(step, min(growth * step, largest))
-    path.finished, path.notes = True, idle.remarks(len(path.steps))
+    steps = _LoadSteps(problem, (start, stop), options, set_loads)
+    path: PathReport = steps.run(on_step)
+    path.notes = remarks_on_idle(problem, len(path.steps), changed=steps.changed)
+    path.finished = True
     return path
 
 
-def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: Any) -> None:
-    """Reject arguments of ``follow_path`` (local)."""
-    if not callable(set_loads):
-        raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
+def check_steps(options: Any, set_loads: Any, on_step: Any) -> None:
+    """Reject options of another type, and what is no function, or ``None`` (local)."""
     expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
-    for name, value in (("start", start), ("stop", stop)):
-        check_number(name, value, "a finite number", np.isfinite)
-    if start > stop:
-        raise ValueError(
-            f"start={start!r} is beyond stop={stop!r}: times increase; to unload, reduce the "
-            f"loads with time in set_loads"
-        )
+    if not callable(set_loads):
+        raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
     if on_step is not None and not callable(on_step):
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
 
 
-@contextmanager
-def _kept(last: list[tuple[float, Snapshot]]) -> Iterator[None]:
-    """Context of a path: any error but a failed solve restores the last accepted step.
+class Steps:
+    """Steps to a given time: failed ones are reverted and cut; all methods are collective.
 
-    ``last``: its time, and the problem at this time; both are replaced by one assignment.
+    Args:
+        problem: The problem.
+        ends: Times of the present state and of the last one [time].
+        options: Sizes of the steps.
+        set_loads: Function of the user that sets loads for a time [time], or ``None``.
+
+    Attributes:
+        report: Record of the steps; to be set by derived classes.
+        forces: Forces at the end of the last step, see ``forces_of``.
     """
-    try:
-        yield
-    except NotConvergedError:
-        raise
-    except BaseException as error:
-        ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
-        time, before = last[0]
-        before.revert(renew=not ours)
-        interruption = as_interruption(error)
-        interruption.add_note(
-            f"the problem is at time {time:.6g} of the path, its last accepted step"
-        )
-        if interruption is error:
-            raise
-        raise interruption from error
+
+    report: Any
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        ends: tuple[float, float],
+        options: SteppingOptions,
+        set_loads: Any,
+    ) -> None:
+        self.problem, self.options, self.ends, self._set_loads = problem, options, ends, set_loads
+        self.forces = forces_of(problem)
+
+    def load(self, time: float) -> None:
+        """Set the loads of a time [time]; errors of the user's function are raised on all ranks."""
+        self.problem.time = time
+        call_together(self.problem.equations.comm, "set_loads", partial(self._set_loads, time))
+
+    def attempt(self, time: float, step: float) -> NewtonReport:
+        """Solve for the end of a step that starts at a time; its record.
+
+        Raises:
+            NotConvergedError: On all ranks, if a smaller step is to be taken.
+        """
+        raise NotImplementedError
+
+    def accept(self, time: float, step: float, newton: NewtonReport) -> float:
+        """Add a step that ends at a time to the report; the longest next one [time]."""
+        raise NotImplementedError
+
+    def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
+        """Message on the end of the steps at a time, after one of the smallest size failed."""
+        raise NotImplementedError
+
+    def run(self, on_step: Callable[[float, NewtonReport], None] | None) -> Any:
+        """Take the steps, see ``follow_path``; the report."""
+        problem, options, report = self.problem, self.options, self.report
+        (time, stop), step, lengths = self.ends, options.step, StepLengths()
+        equations, comm = problem.equations, problem.equations.comm
+
+        def accepted(time: float) -> Kept:
+            note = f"the problem is at time {time:.6g}, its last accepted step"
+            return Snapshot(equations), note
+
+        with restored_if_interrupted(equations) as kept:
+            while time < stop:
+                kept[0] = accepted(time)
+                step = min(step, stop - time)
+                rounded = len(report.steps) * EPSILON * abs(stop)  # as the sum of many steps is
+                if stop - time - step < max(ROUNDING * step, rounded):
+                    step = stop - time
+                try:
+                    given = problem, self.load, time, time + step
+                    with nullcontext() if self._set_loads is None else loads_of_step(*given):
+                        newton = self.attempt(time, step)
+                except NotConvergedError as failure:
+                    problem.restore(kept[0][0].state)
+                    report.failures.append(failure.report)
+                    log_solve(comm, f"time {time + step:.6g}: cut, {failure}", failure.report)
+                    if step <= options.smallest:
+                        message = self.explain(time, step, failure)
+                        raise NotConvergedError(message, report) from failure
+                    lengths.cut(step)
+                    step = max(options.cut * step, options.smallest)
+                    continue
+                time = stop if step == stop - time else time + step
+                longest = self.accept(time, step, newton)
+                report.failures = []
+                kept[0] = accepted(time)
+                number = len(report.steps)
+                log_solve(comm, f"step {number}, time {time:.6g}: {newton.reason}", newton)
+                if on_step is not None:
+                    call_together(comm, "on_step", partial(on_step, time, newton))
+                step = lengths.following(step, longest)
+        return report
 
 
-def _end_of_path(time: float, step: float, why: str, failure: NotConvergedError) -> str:
-    """Message at the end of a path: time, step and reason."""
-    if why:
-        return f"the path ends at {time:.6g}: {why}. A step of {step:.1e} fails; {failure}"
-    hint = HINT + SOFT * ("are inverted, one" in str(failure))
-    return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {hint}"
+class _LoadSteps(Steps):
+    """Load steps of ``follow_path``; arguments: see ``Steps``."""
+
+    def __init__(self, problem: ContactProblem, *given: Any) -> None:
+        super().__init__(problem, *given)
+        self.report, self._first, self.changed = PathReport(), values_to_set(problem), False
+        self._predictor = Predictor(problem.equations, self.ends[0])
+
+    def attempt(self, time: float, step: float) -> NewtonReport:
+        """Solve for the end of a step that starts at a time; its record."""
+        self._accepted = self._predictor.last
+        solve = partial(_solve_soundly, self.problem, self._accepted, step > self.options.smallest)
+        guesses = self.options.predict
+        with self._predictor.attempt(time + step, solve, guesses=guesses) as finish:
+            return finish()
+
+    def accept(self, time: float, step: float, newton: NewtonReport) -> float:
+        """Add a step that ends at a time to the report; the longest next one [time]."""
+        before, self.forces = self.forces, forces_of(self.problem)
+        work = work_of(self.problem, self._accepted, self._predictor.last, before, self.forces)
+        self.report.steps.append(PathStep(time, step, newton, self.report.failures, work))
+        if not self.changed:
+            pairs = zip(self._first, values_to_set(self.problem), strict=True)
+            self.changed = not all(np.array_equal(a, b) for a, b in pairs)
+        options = self.options
+        growth = options.growth if newton.num_iterations <= options.easy else 1.0
+        return min(growth * step, options.largest or options.step)
+
+    def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
+        """Why the path ends at a time; sets ``dead_end`` of the report."""
+        turning_point = describe_turning_point(self.problem)
+        self.load(min(time + MIN_FRACTION * self.options.step, self.ends[1]))
+        why = self.report.dead_end = reason_for_end(self.problem) or turning_point
+        self.load(time)
+        if why:
+            return f"the path ends at {time:.6g}: {why}. A step of {step:.1e} fails; {failure}"
+        hint = HINT + SOFT * ("are inverted, one" in str(failure))
+        return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {hint}"
 
 
 def _solve_soundly(problem: ContactProblem, before: State, may_cut: bool) -> NewtonReport:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Time steps: the scheme, and sequences in which failed steps are cut and sizes follow the error.
+"""Time steps: the scheme, accelerations at the start, corrections of the velocity after a step.
 
 **Generalized-alpha method with all forces at the end of the step (Chung & Hulbert 1993).** In the
 form of Arnold & Bruels (2007), w is the acceleration that balances all forces at the same time,
@@ -14,8 +14,6 @@ With Newmark's formulas for u and v from a, this is the generalized-alpha method
 external and contact forces are (1 - af) f_(n+1) + af f_n. Multipliers are those of the end of the
 step, in balance with gaps, loads and prescribed values of the same time.
 
-Checks of the arguments of ``Dynamics`` and of the velocity that users set.
-
 Accelerations at the start of a motion, also of rigid boundaries that forces drive.
 
 With V_m the motions of a boundary's nodes k, and the angular velocity w of these,
@@ -24,43 +22,67 @@ With V_m the motions of a boundary's nodes k, and the angular velocity w of thes
 
 where free nodes follow from M u'' + f = 0: a solve with M for each driven motion. The forces of
 sections act on both faces.
+
+**Angular momentum lost by bodies in a time step, and its return by rigid rotations.** Closed mortar
+gaps are zero on average, not at each point, and normals of nodes are not those of facets: pressures
+of slave and master have a moment of third order in the length of the facets. The trapezoidal rule
+conserves the angular momentum in the middle of equal steps, not that of present positions and
+velocities. After each step the velocity of a rigid rotation about the centre of mass is added to
+each body, so that
+
+    L_(n+1) - L_n = dt / 2 (T_n + T_(n+1))
+
+with the moments T of loads, internal forces and obstacles, without those exerted by other bodies.
+Bodies in contact rotate together. Bodies with prescribed dofs are not corrected, since their
+supports exert moments. Linear momentum is already balanced, and is not changed by rotations: those
+about the centre of mass of a group are its rigid motions, of shifts and rotations about the middle
+of all nodes, whose linear momentum is zero.
+
+**Energy lost by errors of a time step, and its return by means of the impulses that cause them.**
+Two errors of the trapezoidal rule change the energy. The work of the pressures is
+
+    (f_n + f_(n+1)) . (u_(n+1) - u_n) / 2 = (z_n g_(n+1) - z_(n+1) g_n) / 2
+
+in a step in which a node closes or opens. It should vanish; it is of second order, with the same
+sign for most nodes of an impact. The work of nonlinear internal forces should be the difference of
+the strain energies, the integral of r(u) . du from u_n to u_(n+1). Lobatto's rule with four points
+on the straight line, exact for stresses up to fifth order in the displacement, differs from the
+trapezoidal one by d . (u_(n+1) - u_n) with
+
+    d = 5 (r(u_n) - r(u_a) - r(u_b) + r(u_(n+1))) / 12
+
+and the states u_a and u_b at the fractions (1 - 1/sqrt(5)) / 2 and (1 + 1/sqrt(5)) / 2 of the line.
+
+The sum of both over all steps, and of rotations is the ``energy_deficit``. So
+is, without damping, the work of forces on nodes without mass that are not in balance at the start.
+After each step it is returned as far as possible: a fraction t of an impulse J is added to the
+momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2 and leaves the sum
+of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act with their mean
+along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of t between
+0 and 2 are at most as large as its own. The second is that of the pressures, if a pair is closed,
+with |t| <= 1. The third changes the amplitude of vibrations, the last one also the rigid motion
+that pressures change: it returns what the last pressures of an impact cannot. Other rigid motions
+are left out. (Laursen & Love 2002 correct velocities in a similar way for each node.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
-from functools import partial
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from mpi4py import MPI
 
 import numpy as np
 
-import ufl
-from ufl.algorithms.analysis import extract_arguments, extract_coefficients, extract_constants
-from ufl.domain import extract_domains
-
-from fenics_mortar.bulk.checks import check_domain, check_subdomains
-from fenics_mortar.bulk.inertia import Inertia, Origin, Rates, Velocity
-from fenics_mortar.equations.general import Snapshot, State, raise_cause
-from fenics_mortar.newton.loop import NewtonReport
-from fenics_mortar.path.report import DynamicsReport, Forces, Progress, TimeStep, Work, forces_of
-from fenics_mortar.path.stepping import PrescribedTurns, StepLengths, SteppingOptions
-from fenics_mortar.utils.arrays import EPSILON, ROUNDING, TINY, Array, Flags
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotConvergedError,
-    call_together,
-    check_choice,
-    check_kind,
-    check_number,
-    check_same,
-    check_same_texts,
-    together,
-)
+from fenics_mortar.bulk.bodies import join_bodies, label_bodies
+from fenics_mortar.obstacles.rigid_motion import moments_of, turned
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.bulk.inertia import Inertia, Rates
+    from fenics_mortar.path.report import Forces, Work
     from fenics_mortar.problem import ContactProblem
 
 
@@ -73,6 +95,11 @@ class Line(NamedTuple):
     def __call__(self, u: Array) -> Array:
         """Its value at the displacement ``u``."""
         return self.factor * (u - self.origin)
+
+    def times(self, factor: float, plus: Array) -> Line:
+        """The line of this quantity times ``factor``, and ``plus``."""
+        factor *= self.factor
+        return Line(factor, self.origin - plus / factor)
 
     def as_line(self, other: Line, dofs: Flags, u: Array) -> Line:
         """This line with the values of another line at dofs of known displacement.
@@ -96,30 +123,27 @@ class GeneralizedAlpha:
 
     rho: float
 
-    @property
-    def inertia_shift(self) -> float:
-        """Weight am of the old inertia [1]."""
-        return (2.0 * self.rho - 1.0) / (self.rho + 1.0)
+    def rates(self, u: Array, rates: Rates, dt: float) -> tuple[Line, Line, Line]:
+        """Velocity, acceleration and its average at the end of the step.
 
-    @property
-    def force_shift(self) -> float:
-        """Weight af of the old forces [1]."""
-        return self.rho / (self.rho + 1.0)
-
-    @property
-    def gamma(self) -> float:
-        """Newmark's gamma for second order [1]."""
-        return 0.5 + self.force_shift - self.inertia_shift
-
-    @property
-    def beta(self) -> float:
-        """Newmark's beta for the largest dissipation of high frequencies [1]."""
-        return 0.25 * (0.5 + self.gamma) ** 2
+        Args:
+            u: Displacement at the start of the step, shape (dofs,) [length].
+            rates: Rates at the start of the step.
+            dt: The step [time].
+        """
+        am, af = (2.0 * self.rho - 1.0) / (self.rho + 1.0), self.rho / (self.rho + 1.0)
+        gamma = 0.5 + af - am  # Newmark's, for second order
+        beta = 0.25 * (0.5 + gamma) ** 2  # for the largest dissipation of high frequencies
+        start = u + dt * rates.velocity + dt**2 * (0.5 - beta) * rates.average
+        average = Line(1.0 / (beta * dt**2), start)
+        velocity = average.times(gamma * dt, rates.velocity + (1.0 - gamma) * dt * rates.average)
+        rest = (am * rates.average - af * rates.acceleration) / (1.0 - af)
+        return velocity, average.times((1.0 - am) / (1.0 - af), rest), average
 
     def lines(
         self, u: Array, rates: Rates, dt: float, prescribed: Flags, end: Array
     ) -> tuple[Line, Line, Line]:
-        """Velocity, acceleration and its average at the end of the step.
+        """As ``rates``, with prescribed motions.
 
         Rates of ``prescribed`` motions follow from these motions alone, by the method for rho = 0,
         which is of second order as well. With rho = 1 they would alternate permanently after a jump
@@ -135,318 +159,10 @@ class GeneralizedAlpha:
             prescribed: Marks of such dofs, shape (dofs,), bool.
             end: Displacement of these dofs at the end of the step [length].
         """
-        damped = GeneralizedAlpha(0.0)
-        of_all, of_prescribed = (
-            [line(u, rates, dt) for line in (s.velocity, s.acceleration, s.average)]
-            for s in (self, damped)
-        )
-        velocity, acceleration, average = (
-            line.as_line(other, prescribed, end)
-            for line, other in zip(of_all, of_prescribed, strict=True)
-        )
+        damped = GeneralizedAlpha(0.0).rates(u, rates, dt)
+        pairs = zip(self.rates(u, rates, dt), damped, strict=True)
+        velocity, acceleration, average = (a.as_line(b, prescribed, end) for a, b in pairs)
         return velocity, acceleration, average
-
-    def average(self, u: Array, rates: Rates, dt: float) -> Line:
-        """A at the end of the step [length / time^2].
-
-        Args:
-            u: Displacement at the start of the step, shape (owned dofs,) [length].
-            rates: Rates at the start of the step.
-            dt: The step [time].
-        """
-        start = u + dt * rates.velocity + dt**2 * (0.5 - self.beta) * rates.average
-        return Line(1.0 / (self.beta * dt**2), start)
-
-    def velocity(self, u: Array, rates: Rates, dt: float) -> Line:
-        """V at the end of the step [length / time]; arguments: see ``average``."""
-        a = self.average(u, rates, dt)
-        factor = self.gamma * dt * a.factor
-        rest = rates.velocity + (1.0 - self.gamma) * dt * rates.average
-        return Line(factor, a.origin - rest / factor)
-
-    def acceleration(self, u: Array, rates: Rates, dt: float) -> Line:
-        """W at the end of the step [length / time^2]; arguments: see ``average``."""
-        am, af, a = self.inertia_shift, self.force_shift, self.average(u, rates, dt)
-        factor = (1.0 - am) / (1.0 - af) * a.factor
-        rest = (am * rates.average - af * rates.acceleration) / (1.0 - af)
-        return Line(factor, a.origin - rest / factor)
-
-
-# Function that takes a time step from forces at its start; returns record, forces at the end, work.
-Advance = Callable[[float, Forces], tuple[NewtonReport, Forces, Work]]
-SetLoads = Callable[[float], None]
-OnStep = Callable[[float, NewtonReport], None]
-
-
-class Motion:
-    """Steps of a motion to a given time; all methods are collective.
-
-    Args:
-        bodies: The ``Dynamics``.
-        advance: Function that takes a time step.
-        options: Sizes of the steps.
-        tolerance: Allowed error of a step, or ``None``.
-    """
-
-    def __init__(
-        self, bodies: Any, advance: Advance, options: SteppingOptions, tolerance: float | None
-    ) -> None:
-        self._bodies, self._advance = bodies, advance
-        self._options, self._tolerance = options, tolerance
-        self._largest = options.step if tolerance is None else (options.largest or options.step)
-
-    def run(
-        self, stop: float, set_loads: SetLoads | None, on_step: OnStep | None
-    ) -> DynamicsReport:
-        """Advance to the time ``stop``; see ``Dynamics.run``."""
-        bodies, problem, options = self._bodies, self._bodies.problem, self._options
-        report = DynamicsReport(bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf)
-        size, lengths, forces = options.step, StepLengths(), forces_of(problem)
-        shown = Progress(problem.equations.comm)
-        turns = None if set_loads is None else PrescribedTurns(problem, self._together(set_loads))
-        # the sum of many steps is rounded
-        while stop - bodies.time > max(
-            ROUNDING * options.smallest, len(report.steps) * EPSILON * abs(stop)
-        ):
-            start = bodies.time
-            dt = min(size, stop - start)
-            dt = stop - start if stop - start - dt < ROUNDING * dt else dt
-            before = Snapshot(problem.equations)
-            accepted = problem.state()
-            try:
-                with nullcontext() if turns is None else turns.of_step(start, start + dt):
-                    newton, after, work = self._advance(dt, forces)
-                error = self._error(accepted, dt, newton)
-            except NotConvergedError as failure:
-                problem.restore(accepted)
-                report.failures.append(failure.report)
-                shown.cut(start + dt, str(failure), failure.report)
-                if dt <= options.smallest:
-                    message = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
-                    message = f"{message}; {failure}{_other_reasons(report.failures)}"
-                    raise NotConvergedError(message, report) from failure
-                lengths.cut(dt)
-                size = max(options.cut * dt, options.smallest)
-                continue
-            except BaseException as interruption:
-                before.revert(renew=True)
-                raise_cause(interruption)
-            forces = after
-            measured = error, work, bodies.energies(), dt, bodies.energy_deficit
-            done = TimeStep(bodies.time, newton, report.failures, *measured)
-            report.steps.append(done)
-            shown.accept(bodies.time, newton)
-            report.failures = []
-            size = lengths.following(size, self._next_size(size, error))
-            if on_step is not None:
-                call_together(
-                    problem.equations.comm, "on_step", partial(on_step, bodies.time, newton)
-                )
-        return report
-
-    def _together(self, set_loads: SetLoads) -> SetLoads:
-        """The function of the user, whose errors are raised on all ranks."""
-        comm = self._bodies.problem.equations.comm
-        return lambda time: call_together(comm, "set_loads", partial(set_loads, time))
-
-    def _error(self, accepted: State, dt: float, newton: NewtonReport) -> float:
-        """Estimated error of the last step; see ``Dynamics.error``.
-
-        Raises:
-            NotConvergedError: If it exceeds the tolerance and the step may be cut.
-        """
-        error, tolerance = self._bodies.error(accepted, dt), self._tolerance
-        if tolerance is not None and error > tolerance and dt > self._options.smallest:
-            raise NotConvergedError(f"error of the step {error:.1e}", newton)
-        return error
-
-    def _next_size(self, size: float, error: float) -> float:
-        """Size of the next step; the error grows with its square.
-
-        Nine tenths of the size at which the error would be the tolerance, or less.
-        """
-        options, growth = self._options, self._options.growth
-        if self._tolerance is not None:
-            growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(error, TINY))))
-        return min(max(growth * size, options.smallest), self._largest)
-
-
-def _other_reasons(failures: Sequence[NewtonReport]) -> str:
-    """Clause on the reason for which larger steps failed first, "" if that is the last one."""
-    first, last = failures[0].reason, failures[-1].reason
-    count = sum(report.reason == first for report in failures)
-    times = f" ({count} times)" if count > 1 else ""
-    return "" if first == last else f"; larger steps failed since{times}: {first}"
-
-
-def check_run(
-    stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
-) -> None:
-    """Reject arguments of ``Dynamics.run`` (local)."""
-    expected = f"a time from the present one, {time:.6g}, on"
-    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
-    check_kind("options", options, SteppingOptions, expected)
-    if tolerance is not None:
-        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
-    for name, function in (("set_loads", set_loads), ("on_step", on_step)):
-        if function is not None and not callable(function):
-            raise ValueError(f"{name}={function!r}: expected a function, or None")
-
-
-# Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
-# frequencies excited by impacts and not resolved by the time step.
-SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
-
-
-def check_dynamics(
-    problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
-) -> None:
-    """Reject arguments of ``Dynamics``, also those that differ between ranks (collective).
-
-    Raises:
-        ValueError: On all ranks, if an argument is not allowed.
-        MortarError: On all ranks, if arguments differ, or a tag is unknown.
-    """
-    comm, bulk = problem.equations.comm, problem.equations.bulk
-    with together(comm, "Dynamics"):
-        check_choice("scheme", scheme, SCHEMES)
-        if scheme == "conserving" and bulk.history.functions:
-            raise ValueError(
-                "scheme='conserving' returns lost energy, and does not support bodies with "
-                "history, which dissipate: expected scheme='massless' or 'generalized_alpha'"
-            )
-        if rho_inf is not None:
-            check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
-        mesh = bulk.V.ufl_domain()
-        _check_density(density, mesh)
-        _check_energy(energy, mesh)
-        _check_velocity(velocity, problem)
-        if problem.equations.model_check is not None:
-            raise ValueError("problem has a ModelCheck, whose models have no inertia")
-        if bulk.inertia is not None:
-            raise ValueError(
-                "problem has inertia already, from another Dynamics: set up a new problem"
-            )
-    is_number = not isinstance(density, ufl.core.expr.Expr)
-    given = {
-        "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
-        "energy": energy is not None, "density": density if is_number else "a UFL expression",
-    }  # fmt: skip
-    check_same_texts(comm, "Dynamics", given)
-    constants = [] if is_number else extract_constants(density)
-    check_same(comm, [("a constant of density", c.value) for c in constants])
-    if energy is not None:
-        named = [contact.pair.data for contact in problem.equations.contacts]
-        check_subdomains("energy", energy, bulk.V.mesh, named)
-
-
-def _check_density(density: Any, mesh: Any) -> None:
-    if not isinstance(density, ufl.core.expr.Expr):
-        check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
-        return
-    if density.ufl_shape:
-        raise ValueError(f"density has the shape {density.ufl_shape}: expected a scalar")
-    if extract_arguments(density):
-        raise ValueError("density has a test function: expected a number or a function")
-    if any(domain != mesh for domain in extract_domains(density)):
-        raise ValueError("density belongs to another mesh than the problem")
-
-
-def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
-    """Reject a velocity that the residual does not contain, and a missing one."""
-    bulk = problem.equations.bulk
-    if velocity is not None:
-        check_kind("velocity", velocity, Velocity, "a Velocity(u)")
-        if velocity.u is not bulk.u:
-            raise ValueError("velocity is that of another function: expected Velocity(u)")
-    given = None if velocity is None else velocity.origin
-    used = [data for data in bulk.data if isinstance(data, Origin)]
-    if given is not None and not any(origin is given for origin in used):
-        raise ValueError("velocity has no effect: the residual does not contain its expression")
-    if any(origin is not given for origin in used):
-        raise ValueError(
-            "the residual contains a Velocity that would remain zero: expected velocity=..., the "
-            "same object"
-        )
-
-
-def _check_energy(energy: Any, mesh: Any) -> None:
-    if energy is None:
-        return
-    check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
-    if energy.arguments():
-        raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
-    check_domain("energy", energy, mesh)
-
-
-class DensityValues:
-    """Values of a density at the time when masses were assembled (local).
-
-    Args:
-        density: Number or UFL expression.
-    """
-
-    def __init__(self, density: Any) -> None:
-        is_number = not isinstance(density, ufl.core.expr.Expr)
-        self._constants = [] if is_number else extract_constants(density)
-        self._functions = [] if is_number else extract_coefficients(density)
-        self._values = self._present()
-
-    def check(self, problem: ContactProblem) -> None:
-        """Reject a density that has changed (collective).
-
-        Raises:
-            MortarError: On all ranks.
-        """
-        pairs = zip(self._values, self._present(), strict=True)
-        changed = not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
-        if problem.equations.comm.allreduce(int(changed)):
-            raise MortarError(
-                "the density has changed since Dynamics(...), whose masses are constant: set up a "
-                "new problem, and give its Dynamics the velocity"
-            )
-
-    def _present(self) -> list[Array]:
-        values = [np.array(constant.value) for constant in self._constants]
-        return values + [function.x.array.copy() for function in self._functions]
-
-
-def check_step(dt: Any, time: float) -> None:
-    """Reject a step that is not positive, or lost in the rounding of ``time`` (local).
-
-    Raises:
-        ValueError: If the step is not allowed.
-    """
-    check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
-    expected = f"a step that the time {time:g} can resolve"
-    check_number("dt", dt, expected, lambda dt: time + dt > time and 0.0 < dt * dt < np.inf)
-
-
-def check_rates(problem: ContactProblem) -> None:
-    """Reject a velocity that is not finite (collective).
-
-    Raises:
-        MortarError: On all ranks.
-    """
-    velocity = problem.equations.bulk.inertia.velocity
-    velocity.x.scatter_forward()
-    bad = int(np.count_nonzero(~np.isfinite(velocity.x.array)))
-    if problem.equations.comm.allreduce(bad):
-        raise MortarError("the velocity of Dynamics is not finite")
-
-
-def rates_of(state: Any) -> Rates:
-    """Rates of a state of a motion (local).
-
-    Raises:
-        ValueError: If it is not a state of a motion.
-    """
-    check_kind("before", state, State, "a state of the problem")
-    if state.rates is None:
-        raise ValueError("before has no velocity: expected a state of the motion")
-    rates: Rates = state.rates
-    return rates
 
 
 def first_acceleration(problem: ContactProblem, inertia: Inertia) -> Array:
@@ -489,3 +205,281 @@ def _followed(inertia: Inertia, bulk: Any, on_boundary: Array) -> Array:
     """
     given = inertia.with_ghosts(on_boundary)
     return given + inertia.acceleration_of(-inertia.times_mass(given), bulk.prescribed)
+
+
+# Largest relative change of the velocity of deformation and impact in a step, to return energy [1].
+# Impacts in steps of a wave's time through a cell rarely need 0.1, longer steps need 0.3. The limit
+# is for bodies without vibrations, whose rounding must not grow.
+MAX_SCALING = 0.3
+# Distance of the inner points of Lobatto's rule from the middle of a step [steps].
+LOBATTO = 0.5 / math.sqrt(5.0)
+
+
+class Balance(NamedTuple):
+    """Angular momentum of each body and the moments on it, about the origin; equal on all ranks.
+
+    Attributes:
+        momentum: Angular momentum, shape (axes, bodies) [stress length^2 time]; one axis in the
+            plane, three in space.
+        moment: Moment of all forces except those between bodies, likewise [stress length^2].
+        touching: Whether a pair exerts forces on a body, shape (pairs, bodies), bool.
+        on_obstacle: Whether an obstacle exerts forces on a body, shape (bodies,), bool.
+    """
+
+    momentum: Array
+    moment: Array
+    touching: Flags
+    on_obstacle: Flags
+
+
+class Corrections:
+    """Return of angular momentum and energy after a time step; all methods are collective.
+
+    Args:
+        problem: The problem.
+        inertia: Mass and rates of the bodies.
+        conserves: Whether the scheme is the trapezoidal rule. Otherwise it dissipates vibrations,
+            and only the energy lost by contact is returned.
+    """
+
+    def __init__(self, problem: ContactProblem, inertia: Inertia, *, conserves: bool) -> None:
+        self._bulk, self._contacts = problem.equations.bulk, problem.equations.contacts
+        self._inertia, self._conserves, self._space = inertia, conserves, self._bulk.space
+        self._label, self._count = label_bodies(self._space.V)
+        supported = self._bulk.prescribed[self._space.owned_dofs].any(axis=1)
+        self._free = self._sum(supported[None])[0] == 0.0
+
+    def _sum(self, rows: Array) -> Array:
+        """Sums of values of the owned nodes of all ranks, (k, nodes), by body: (k, bodies)."""
+        label = self._label[: self._space.num_nodes]
+        mine = np.array([np.bincount(label, row, self._count) for row in rows])
+        return sum_over_ranks(self._bulk.comm, mine)
+
+    def balance(self) -> Balance:
+        """Momenta and moments at the last evaluated state."""
+        inertia, owned = self._inertia, self._space.owned_dofs
+        rates, x = inertia.rates, self._bulk.positions()[: len(owned)]
+        rows = [
+            moments_of(x, inertia.times_mass(values)[owned])
+            for values in (rates.velocity, rates.acceleration)
+        ]
+        contacts, axes = self._contacts, len(rows[0])
+        for contact in contacts:
+            force = np.zeros(self._space.num_owned)
+            contact.scatter_add(contact.now.forces, force)
+            f = force[owned]
+            rows += [moments_of(x, f), np.abs(f).sum(axis=1)[None]]
+        sums = self._sum(np.concatenate(rows))
+        meshed = np.array([contact.obstacle is None for contact in contacts], bool)
+        momentum, moment, of_pairs = np.split(sums, [axes, 2 * axes])
+        of_pairs = of_pairs.reshape(len(contacts), axes + 1, self._count)
+        sizes = of_pairs[:, axes] > 0.0
+        moment = moment + of_pairs[meshed, :axes].sum(axis=0)
+        return Balance(momentum, moment, sizes[meshed], sizes[~meshed].any(axis=0))
+
+    def correct(
+        self, work: Work, dt: float, start: Array, forces: tuple[Forces, Forces], before: Balance
+    ) -> None:
+        """Return the angular momentum and energy lost in a step.
+
+        Args:
+            work: Work done in the step.
+            dt: The step [time].
+            start: Displacement at its start, shape (local dofs,) [length].
+            forces: Forces at its start and end.
+            before: Angular momentum at its start.
+        """
+        bulk, inertia, energy = self._bulk, self._inertia, work.pressure
+        if self._conserves and inertia.rate is None and inertia.rates.time <= dt:
+            energy -= work.imbalance  # in the first step; damping is not returned
+        internal, pressures = None, self._pressure_impulse(forces, dt)
+        if self._conserves and not bulk.is_linear:
+            d = self._internal_defect(start, dt)
+            energy += bulk.comm.allreduce(float(d @ (bulk.values - start)[: bulk.num_owned]))
+            internal = inertia.acceleration_of(dt * d, bulk.prescribed)
+        self.find_rigid()
+        if not self._space.is_axisymmetric:
+            internal, pressures = self._return_spin(before, dt, internal, pressures)
+        rates = inertia.rates
+        inertia.rates = replace(rates, energy_deficit=rates.energy_deficit + energy)
+        impulses = [(internal, 0.0, 2.0), (pressures, -1.0, 1.0)]
+        if self._conserves:
+            for found in (None,) if pressures is None else (None, pressures):
+                part = self._free_part(rates.velocity, found)
+                impulses.append((part, -MAX_SCALING, MAX_SCALING))
+        for change, smallest, largest in impulses:
+            if change is not None:
+                self._return_energy(change, smallest, largest, ROUNDING * work.largest)
+
+    def _return_energy(
+        self, change: Array, smallest: float, largest: float, rounding: float
+    ) -> None:
+        """Add a fraction of a change of velocity that returns the energy as far as possible.
+
+        Args:
+            change: Array of all local dofs [length / time].
+            smallest: Smallest fraction [1].
+            largest: Largest fraction [1].
+            rounding: Energy that counts as zero [stress length^2].
+        """
+        inertia, rates = self._inertia, self._inertia.rates
+        energy, velocity = rates.energy_deficit, rates.velocity
+        if abs(energy) <= rounding:
+            return
+        power, square = inertia.product(velocity, change), inertia.product(change, change)
+        t = min(max(fraction_of_impulse(energy, power, square), smallest), largest)
+        left = energy - (t * power + 0.5 * t**2 * square)
+        inertia.rates = replace(rates, velocity=velocity + t * change, energy_deficit=left)
+
+    def _internal_defect(self, start: Array, dt: float) -> Array:
+        """Force d by which the trapezoidal rule exceeds Lobatto's in a step to the present state.
+
+        Loads are those of the end of the step, and a velocity in the residual is the mean one;
+        terms that are linear in the displacement have no part.
+
+        Args:
+            start: Displacement at the start, shape (local dofs,) [length].
+            dt: The step [time].
+
+        Returns:
+            Forces at the owned dofs [stress length].
+        """
+        bulk, rate = self._bulk, self._inertia.rate
+        u, end = bulk.values, bulk.values.copy()
+        kept, mean = bulk.r.array_r.copy(), (end - start) / dt
+        d = np.zeros(bulk.num_owned)
+        points = (1.0, 0.0), (-1.0, 0.5 - LOBATTO), (-1.0, 0.5 + LOBATTO), (1.0, 1.0)
+        for weight, fraction in points:
+            place = (1.0 - fraction) * start + fraction * end
+            u[:] = place
+            if rate is not None:
+                rate.set(1.0, place - mean)
+            bulk.assemble_residual()
+            d += 5.0 / 12.0 * weight * bulk.r.array_r[: bulk.num_owned]
+        u[:] = end
+        bulk.r.array[:] = kept
+        return d
+
+    def _pressure_impulse(self, forces: tuple[Forces, Forces], dt: float) -> Array | None:
+        """Change of velocity by half the impulse of pressures; ``None`` if all pairs are open.
+
+        An array of all local dofs [length / time], for the forces at the start and the end.
+        """
+        for found in reversed(forces):
+            pressures = found[1] - found[3]
+            if self._bulk.comm.allreduce(bool(pressures.any()), MPI.LOR):
+                return self._inertia.acceleration_of(0.5 * dt * pressures, self._bulk.prescribed)
+        return None
+
+    def find_rigid(self) -> None:
+        """Set velocities of rigid motions at the present positions, and their momenta.
+
+        Shifts, and rotations about the middle of all nodes, over their distance from it: arrays of
+        all local dofs.
+        """
+        space, x, owned = self._space, self._bulk.positions(), self._space.num_nodes
+        *middle, count = sum_over_ranks(self._bulk.comm, [*x[:owned].sum(axis=0), owned])
+        self._middle = np.array(middle) / count
+        r = x - self._middle
+        squares = sum_over_ranks(self._bulk.comm, [float((r[:owned] ** 2).sum())])
+        self._size = float(np.sqrt(squares[0] / count))
+        shifts = np.broadcast_to(np.eye(space.dim)[:, None], (space.dim, *x.shape))
+        turns = turned(r) / self._size
+        rigid = shifts[1:] if space.is_axisymmetric else np.concatenate([shifts, turns])
+        self._rigid = np.zeros((len(rigid), self._bulk.values.size))
+        self._rigid[:, space.dofs] = rigid
+        self._of_mass = np.array([self._inertia.times_mass(field) for field in self._rigid])
+        self._products = np.stack([self._momenta(field) for field in self._rigid], axis=2)
+
+    def _momenta(self, velocity: Array) -> Array:
+        """Products of a velocity and the rigid ones by the mass, (bodies, motions)."""
+        products = self._of_mass * velocity[: self._of_mass.shape[1]]
+        return self._sum(products[:, self._space.owned_dofs].sum(axis=2)).T
+
+    def _moving(self, momenta: Array, group: Indices) -> Array:
+        """Velocity of rigid motions of groups of bodies with such momenta, (local dofs,)."""
+        products, sums = np.zeros_like(self._products), np.zeros_like(momenta)
+        np.add.at(products, group, self._products)
+        np.add.at(sums, group, momenta)
+        inverse = np.linalg.pinv(products, ROUNDING, hermitian=True)
+        rates = (inverse @ sums[:, :, None])[group[self._label], :, 0].T
+        parts = zip(rates, self._rigid, strict=True)
+        return np.asarray(sum(self._space.spread(rate) * field for rate, field in parts))
+
+    def deformation(self, velocity: Array) -> Array:
+        """The part of a velocity orthogonal, in mass, to rigid motions; 0 if prescribed.
+
+        Arrays of all local dofs [length / time]; see ``find_rigid``.
+        """
+        rest = velocity - self._moving(self._momenta(velocity), np.arange(self._count))
+        return np.where(self._bulk.prescribed, 0.0, rest)
+
+    def _return_spin(
+        self, before: Balance, dt: float, internal: Array | None, pressures: Array | None
+    ) -> tuple[Array | None, Array | None]:
+        """Balance the angular momentum at the end of a step by rotations of groups of bodies.
+
+        The energy added is subtracted from the energy to be returned. Returns the changes of
+        velocity by internal forces, and by pressures between bodies, without angular momentum.
+        """
+        after, inertia, rates = self.balance(), self._inertia, self._inertia.rates
+        links = [np.flatnonzero(b | a) for b, a in zip(before.touching, after.touching)]
+        pairs = [np.stack([bodies[:-1], bodies[1:]], axis=1) for bodies in links]
+        group, count = join_bodies(self._count, pairs)
+        free, between = (
+            (np.bincount(group, held, count) == 0.0)[group]
+            for held in (~self._free, ~self._free | before.on_obstacle | after.on_obstacle)
+        )
+
+        def spinning(spins: Array, moved: Flags) -> Array:
+            momenta = np.zeros(self._products.shape[:2])
+            momenta[moved, self._space.dim :] = spins[moved]
+            return self._moving(momenta, group)
+
+        def without_spin(change: Array | None, moved: Flags) -> Array | None:
+            """The change without angular momentum about the origin, as the balance."""
+            if change is None:
+                return None
+            shifts, spins = np.split(self._momenta(change), [self._space.dim], axis=1)
+            about = np.broadcast_to(self._middle, shifts.shape)
+            return change - spinning(spins + moments_of(about, shifts).T / self._size, moved)
+
+        missing = before.momentum + 0.5 * dt * (before.moment + after.moment) - after.momentum
+        change = spinning(missing.T / self._size, free)
+        added = inertia.product(change, rates.velocity + 0.5 * change)
+        inertia.rates = replace(
+            rates, velocity=rates.velocity + change, energy_deficit=rates.energy_deficit - added
+        )
+        return without_spin(internal, free), without_spin(pressures, between)
+
+    def _free_part(self, velocity: Array, pressures: Array | None) -> Array:
+        """The part of a velocity that may change in an impact, (local dofs,) [length / time].
+
+        Velocities of deformation, and rigid motions as those caused by the pressures.
+        """
+        inertia, part = self._inertia, self.deformation(velocity)
+        if pressures is not None:
+            rigid = pressures - self.deformation(pressures)
+            power, square = inertia.product(rigid, velocity), inertia.product(rigid, rigid)
+            part += power / square * rigid if square > 0.0 else 0.0
+        return part
+
+
+def fraction_of_impulse(energy: float, power: float, square: float) -> float:
+    """Smallest fraction t of an impulse that adds an energy: t power + t^2 square / 2.
+
+    Args:
+        energy: The energy [stress length^2].
+        power: Velocity times impulse [stress length^2].
+        square: The impulse's change of velocity times the impulse [stress length^2].
+
+    Returns:
+        t; if no t adds the energy, the t that comes closest.
+    """
+    inside = power**2 + 2.0 * square * energy
+    if inside <= 0.0:
+        t = -power / square if square > 0.0 else 0.0
+    else:
+        larger = abs(power) + math.sqrt(inside)
+        t = math.copysign(2.0, power) * energy / larger if larger > 0.0 else 0.0
+    return t

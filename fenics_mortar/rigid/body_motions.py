@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-from scipy.sparse import csr_array, hstack, vstack
+from scipy.sparse import coo_array, csr_array, hstack
 
 from fenics_mortar.bulk.bodies import (
     FloatingBody,
@@ -53,15 +53,15 @@ from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, gap_rate, opening_rate, slip_rate
 from fenics_mortar.contact.law import KINK
-from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, place_after, rotation_by
+from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, place_after, rotation_less_one
 from fenics_mortar.rigid.proximal import RIGID, unresisted
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SOLVED, SUM_ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.ranks import any_over_ranks, largest_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.interface.mortar import MortarOperators
     from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.mesh.data import MeshData
 
@@ -86,25 +86,25 @@ class HeldBodies:
         self.prescribed_otherwise: Flags = mark_prescribed(bulk.space, bulk.u, conditions)
         self._at: dict[int, list[tuple[int, Any]]] = {}
 
-    def links(self, labels: Indices) -> list[Indices]:
-        """Pairs of bodies with a common rigid boundary, (k, 2) each, from labels (collective)."""
-        found = [load.labels(labels) for _, load in self._boundaries]
-        return [np.stack([some[:-1], some[1:]], axis=1) for some in found]
-
-    def set_bodies(self, labels: Indices) -> None:
-        """Set the bodies of all boundaries from labels of the local nodes (collective)."""
-        for number, load in self._boundaries:
-            self._at.setdefault(int(load.labels(labels)[0]), []).append((number, load))
-
-    def leaders(self, labels: Indices) -> dict[int, RigidMotion]:
-        """Motions of rigid boundaries by the number of a part that they lead (local).
+    def links(self, parts: Indices) -> list[Indices]:
+        """Pairs of parts with a common rigid boundary, (k, 2) each (collective).
 
         Args:
-            labels: Body of each part, shape (parts,).
+            parts: Part of the mesh of each local node, shape (local nodes,).
         """
-        first = {label: loads[0][1].motion for label, loads in self._at.items()}
-        bodies = enumerate(labels.tolist())
-        return {part: first[label] for part, label in bodies if label in first}
+        found = [load.parts_of(parts) for _, load in self._boundaries]
+        return [np.stack([some[:-1], some[1:]], axis=1) for some in found]
+
+    def set_bodies(self, body_of: Indices) -> dict[int, RigidMotion]:
+        """Set the bodies of all boundaries; motions of boundaries by the parts they lead (local).
+
+        Args:
+            body_of: Body of each part of the mesh, shape (parts,).
+        """
+        for number, load in self._boundaries:
+            self._at.setdefault(int(body_of[load.part]), []).append((number, load))
+        leaders = {label: loads[0][1].motion for label, loads in self._at.items()}
+        return {part: leaders[k] for part, k in enumerate(body_of.tolist()) if k in leaders}
 
     def restricted(self, body: FloatingBody) -> FloatingBody:
         """A body with the motions that its remote loads do not prescribe (local)."""
@@ -155,10 +155,11 @@ class BodyMotions:
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
-        held: Their rigid boundaries.
+        remote: The remote loads with motions, bound to the mesh.
 
     Attributes:
         bulk: The bodies.
+        held: The bodies with rigid boundaries or sections.
         contacts: The contacts without ties.
         labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied,
             also by sections under pretension, or have a rigid boundary in common are one.
@@ -170,22 +171,21 @@ class BodyMotions:
     """
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], held: HeldBodies | None = None
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], remote: Sequence[Any]
     ) -> None:
-        self.bulk, self.held = bulk, held or HeldBodies(bulk, ())
+        self.bulk, self.held = bulk, HeldBodies(bulk, remote)
         self.contacts = [contact for contact in contacts if isinstance(contact, Contact)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self._surface_parts: dict[int, Indices] = {}
         self.parts, self.num_parts = label_bodies(bulk.V)
-        count = self.num_parts
         ties = [tie for tie in contacts if not isinstance(tie, Contact)]
-        links = [self._links(tie) for tie in ties] + self.held.links(self.parts)
-        self._body_of, self.num_bodies = join_bodies(np.arange(count), count, links)
+        tied = [(tie.M, self.parts_of(tie.slave), self.parts_of(tie.master)) for tie in ties]
+        links = [pairs_joined(*each) for each in tied] + self.held.links(self.parts)
+        self._body_of, self.num_bodies = join_bodies(self.num_parts, links)
         self.labels = self._body_of[self.parts]
         self._sections = self._separating(ties, links)
         self._periodic = [tie for tie in ties if tie.pair.translation.any()]
-        self.held.set_bodies(self.labels)
-        self.leaders = self.held.leaders(self._body_of)
+        self.leaders = self.held.set_bodies(self._body_of)
         if self.leaders:
             for contact in self.contacts:
                 sides = self.parts_of(contact.slave), self.parts_of(contact.master)
@@ -194,23 +194,14 @@ class BodyMotions:
         self._candidates: list[FloatingBody] = []
         self.aside: set[int] = set()
 
-    def _links(self, tie: Tie) -> Indices:
-        """Pairs of bodies joined by a tie, shape (n, 2)."""
-        slave, master = self.parts_of(tie.slave), self.parts_of(tie.master)
-        nodes = tie.M.tocoo()
-        return np.stack([slave[nodes.row], master[nodes.col]], axis=1)
-
     def _separating(
         self, ties: Sequence[Tie], links: Sequence[Indices]
     ) -> dict[int, list[PartMotion]]:
         """Sections under pretension that separate bodies, by the labels of these."""
         found: dict[int, list[PartMotion]] = {}
         for number, load in self.held.sections:
-            joined = [
-                link for i, link in enumerate(links) if i >= len(ties) or ties[i] is not load.tie
-            ]
-            count = len(self._body_of)
-            side, _ = join_bodies(np.arange(count), count, joined)
+            section = ties.index(load.tie)
+            side, _ = join_bodies(self.num_parts, [*links[:section], *links[section + 1 :]])
             slave, master = (int(self.parts_of(s)[0]) for s in (load.tie.slave, load.tie.master))
             if side[slave] != side[master]:
                 motion = PartMotion(load.motion.name, number, load.axis, side == side[slave])
@@ -290,12 +281,11 @@ class BodyMotions:
         sizes = [float(contact.slave.facet_sizes.min()) for contact in self.contacts]
         return min(sizes or [body.size for body in self.bodies])
 
-    def extent(self) -> float:
-        """Diagonal of the box around all bodies [length]."""
-        x, comm = self.bulk.positions()[: self.bulk.space.num_nodes], self.bulk.comm
-        low = comm.allreduce(x.min(axis=0, initial=np.inf), np.minimum)
-        high = comm.allreduce(x.max(axis=0, initial=-np.inf), np.maximum)
-        return float(np.linalg.norm(high - low))
+    def extent(self, x: Array) -> float:
+        """Diagonal of the box around all bodies, with local nodes at ``x`` (n, dim) [length]."""
+        x = x[: self.bulk.space.num_nodes]
+        ends = [side.max(axis=0, initial=-np.inf) for side in (x, -x)]
+        return float(np.linalg.norm(largest_over_ranks(self.bulk.comm, ends).sum(axis=0)))
 
     # Motions
 
@@ -306,18 +296,14 @@ class BodyMotions:
             body: The body.
             coefficients: Factors of its motions, shape (motions,) [length].
         """
-        dim, is_linear = len(body.centre), self.bulk.is_linear
-        shift, angles, shifts = np.split(coefficients @ body.motions, [dim, dim + len(TURNS[dim])])
         mine = np.flatnonzero(self.labels == body.label)
-        x = self.bulk.cells.X if is_linear else self.bulk.positions()
-        angles = angles / body.size
-        turn = (
-            np.tensordot(angles, TURNS[dim], 1) if is_linear else rotation_by(angles) - np.eye(dim)
-        )
-        of_parts = sum(
-            s * own[0] for s, own in zip(shifts, body.of_parts(self.parts[mine]), strict=True)
-        )
-        moved = (x[mine] - body.centre) @ turn.T + shift + of_parts
+        x = self.bulk.cells.X if self.bulk.is_linear else self.bulk.positions()
+        moved = np.tensordot(coefficients, body.displacement(x[mine], self.parts[mine]), 1)
+        if not self.bulk.is_linear:
+            axes = TURNS[len(body.centre)]
+            angles = (coefficients @ body.motions)[len(body.centre) :][: len(axes)] / body.size
+            beyond_linear = rotation_less_one(angles) - np.tensordot(angles, axes, 1)
+            moved += (x[mine] - body.centre) @ beyond_linear.T
         self.bulk.u.x.array[self.bulk.space.dofs[mine]] += moved
         self.held.move(body, coefficients)
 
@@ -339,13 +325,6 @@ class BodyMotions:
         """Contacts of a body."""
         return [contact for contact in self.contacts if self.at_body(contact, body).any()]
 
-    def without_pair(self) -> list[FloatingBody]:
-        """Floating bodies that no contact pair includes."""
-        paired: set[int] = set()
-        for surface in (side for c in self.contacts for side in (c.slave, c.master)):
-            paired |= set(self.labels_of(surface).tolist())
-        return [body for body in self.bodies if body.label not in paired]
-
     def repeats(self, body: FloatingBody) -> bool:
         """Whether ties make a body periodic in all directions: its place is free (local)."""
         moved = [
@@ -364,14 +343,9 @@ class BodyMotions:
         on_master = self.labels_of(contact.master) == body.label
         if on_master.all() or not on_master.any():
             return on_slave | bool(on_master.any())
-        return on_slave | self._faces(contact.operators, on_master)
-
-    def _faces(self, operators: MortarOperators, on_master: Flags) -> Flags:
-        """Whether slave nodes face any of the master nodes ``on_master``, (slave nodes,)."""
-        s, found = operators.segments, np.zeros(len(operators.x), bool)
-        faces = on_master[s.master].any(axis=1)
-        found[s.slave[faces]] = True
-        return self.bulk.comm.allreduce(found, np.logical_or)
+        segments, faces = contact.operators.segments, np.zeros(len(on_slave), bool)
+        faces[segments.slave[on_master[segments.master].any(axis=1)]] = True
+        return on_slave | any_over_ranks(self.bulk.comm, faces)
 
     def contact_force(self, body: FloatingBody) -> float:
         """Integral of |pressure| over all contacts of a body [stress length]."""
@@ -410,6 +384,41 @@ class BodyMotions:
         """
         largest = max(body.size, self.bulk.largest(self.bulk.values))
         return SUM_ROUNDING * force + RIGID.stiffness_rounding * body.stiffest * largest
+
+    def driven_by(self, forces: Array, size: float) -> set[int]:
+        """Labels of the bodies on which forces have a resultant that is not rounding.
+
+        Args:
+            forces: The forces, shape (owned dofs,) [stress length].
+            size: Sum of the sizes of all forces of the assembly on this rank [stress length].
+        """
+        size = self.bulk.comm.allreduce(size)
+        return {
+            body.label
+            for body in self.bodies
+            if np.linalg.norm(self.resultant(body, forces)) > self.rounding(body, size)
+        }
+
+    def loose(self, *, sticking: bool = True) -> list[FloatingBody]:
+        """Bodies with the motions that active contact does not resist.
+
+        Args:
+            sticking: Whether sticking nodes resist slip.
+        """
+        found = []
+        for body in self.bodies:
+            contacts = self.contacts_of(body)
+            resisted = [closing(self, c, body)[:, c.active] for c in contacts]
+            for contact in contacts if sticking else ():
+                if contact.sticking.any():
+                    slips = slipping(self, contact, body)[:, contact.sticking]
+                    resisted.append(slips.reshape(len(body.motions), -1))
+            responses = np.hstack([np.zeros((len(body.motions), 0)), *resisted])
+            known = np.isfinite(responses).all(axis=0)  # not at folded facets of a failed iteration
+            free = unresisted(responses[:, known])
+            if len(free):
+                found.append(replace(body, motions=free @ body.motions))
+        return found
 
     # Names
 
@@ -493,7 +502,9 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     friction = touching.slope.any() or touching.shear.any()
     motion = np.zeros(loads.size)
     for count in DIRECTIONS if friction else (1,):
-        slips = _along_directions(touching.slip, count)
+        angles = 2.0 * np.pi / count * np.arange(count)
+        directions = np.stack([np.cos(angles), np.sin(angles)])
+        slips = np.einsum("ck,jcm->jkm", directions, touching.slip)
         of_inner = _largest_work(loads, touching, slips)
         if not (friction and of_inner.any()):
             return of_inner
@@ -503,27 +514,18 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     return motion
 
 
-def _along_directions(slip: Array, count: int) -> Array:
-    """Slips (n, 2, m) along ``count`` directions around the normal, shape (n, count, m) [1]."""
-    angles = 2.0 * np.pi / count * np.arange(count)
-    return np.einsum("ck,jcm->jkm", np.stack([np.cos(angles), np.sin(angles)]), slip)
-
-
 def _largest_work(loads: Array, touching: Touching, slips: Array) -> Array:
-    """See ``unresisted_motion``, with the largest of the ``slips`` (n, k, m) [1] for |u_j|."""
+    """``unresisted_motion`` with the largest of the ``slips`` (n, k, m) [1] for |u_j|."""
     size = float(np.abs(loads).sum())
     work = (loads - touching.adhesion @ touching.opening) / size
     sticks, bounded = np.isinf(touching.slope), touching.shear > 0.0
     slope, count = np.where(sticks, 0.0, touching.slope)[:, None], int(bounded.sum())
     along = np.moveaxis(slips, 1, 0)
-    resisted = [
-        *((slope * slip - touching.opening, 0.0) for slip in along),
-        *((slip[sticks], 0.0) for slip in along),
-        *((slip[bounded], 1.0) for slip in along),
-    ]
-    rows = vstack(
-        [hstack([csr_array(row), -by_rate * _unit(len(row), count)]) for row, by_rate in resisted]
-    )
+    resisted = [slope * along - touching.opening, along[:, sticks], along[:, bounded]]
+    rates = csr_array(np.concatenate([each.reshape(-1, loads.size) for each in resisted]))
+    rubbing = np.arange(len(along) * count)  # the last rows: slips are at most the |u_j|
+    at = rates.shape[0] - rubbing.size + rubbing, rubbing % count
+    rows = hstack([rates, coo_array((-np.ones(rubbing.size), at), (rates.shape[0], count))])
     from scipy.optimize import linprog  # imported on first use: the import is slow
 
     costs = np.concatenate([-work, touching.shear[bounded] / size])
@@ -542,45 +544,39 @@ def _largest_work(loads: Array, touching: Touching, slips: Array) -> Array:
     return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
 
 
-def _unit(rows: int, columns: int) -> csr_array:
-    """Unit matrix if ``rows == columns``, else zeros, (rows, columns)."""
-    shape = (rows, columns)
-    return csr_array(np.eye(*shape)) if rows == columns else csr_array(shape)
+def _one_by_one(response: Response, f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Responses to several motions from that to one (local)."""
+    return np.array([response(f, *both) for both in zip(on_slave, on_master, strict=True)])
 
 
-def one_by_one(response: Response) -> Response:
-    """A response to several motions from that to one (local)."""
-
-    def all_of_them(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-        both = zip(on_slave, on_master, strict=True)
-        return np.array([response(f, *motion) for motion in both])
-
-    return all_of_them
+def closing(bodies: BodyMotions, contact: Contact, *some: FloatingBody) -> Array:
+    """Closing rates of the mean gaps due to rigid motions, (motions of all, slave nodes) [1]."""
+    return -_responses(bodies, contact, some, gap_rate)
 
 
-def closing(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Closing rates of the mean gaps due to rigid motions, (motions, slave nodes) [1]."""
-    return -_responses(bodies, contact, body, gap_rate)
-
-
-def slipping(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Slip rates of the nodes due to rigid motions, (motions, slave nodes) [1].
+def slipping(bodies: BodyMotions, contact: Contact, *some: FloatingBody) -> Array:
+    """Slip rates of the nodes due to rigid motions, (motions of all, slave nodes) [1].
 
     In space those along two tangents, (motions, slave nodes, 2).
     """
     components = () if contact.slave.dim == 2 else (contact.slave.dim - 1,)
-    return _responses(bodies, contact, body, one_by_one(slip_rate), components)
+    return _responses(bodies, contact, some, partial(_one_by_one, slip_rate), components)
 
 
-def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Opening rates of the nodes along n due to rigid motions, (motions, slave nodes) [1]."""
-    return _responses(bodies, contact, body, one_by_one(opening_rate))
+def opening(bodies: BodyMotions, contact: Contact, *some: FloatingBody) -> Array:
+    """Opening rates of the nodes along n due to rigid motions, (motions of all, nodes) [1]."""
+    return _responses(bodies, contact, some, partial(_one_by_one, opening_rate))
 
 
-def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array) -> bool:
-    """Whether a motion (motions,) of the body closes the gap of a node (collective)."""
-    rates = motion @ closing(bodies, contact, body)
-    return bool((rates > RIGID.resisted * np.linalg.norm(motion)).any())
+def pairs_joined(M: Any, slave: Indices, master: Indices) -> Indices:
+    """Parts (n,) of slave nodes and (m,) of their masters by a matrix (n, m), (k, 2) (local)."""
+    nodes = M.tocoo()
+    return np.stack([slave[nodes.row], master[nodes.col]], axis=1)
+
+
+def by_body(bodies: Sequence[FloatingBody], values: Array) -> list[Array]:
+    """The ``values`` (motions of all, ...) of each body [their unit] (local)."""
+    return np.split(values, np.cumsum([len(body.motions) for body in bodies])[:-1])
 
 
 def nearly_touching(contact: Contact) -> Flags:
@@ -588,29 +584,6 @@ def nearly_touching(contact: Contact) -> Flags:
     gap = np.nan_to_num(contact.now.closing_gap, nan=np.inf)
     near = gap < RIGID.overlap * contact.slave.nodal_lengths
     return np.asarray(near & contact.multiplier_nodes)
-
-
-def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[FloatingBody]:
-    """Bodies with the motions that active contact does not resist.
-
-    Args:
-        bodies: The floating bodies.
-        sticking: Whether sticking nodes resist slip.
-    """
-    found = []
-    for body in bodies.bodies:
-        contacts = bodies.contacts_of(body)
-        resisted = [closing(bodies, c, body)[:, c.active] for c in contacts]
-        if sticking:
-            with_friction = [c for c in contacts if c.sticking.any()]
-            slips = [slipping(bodies, c, body)[:, c.sticking] for c in with_friction]
-            resisted += [slip.reshape(len(body.motions), -1) for slip in slips]
-        responses = np.hstack([np.zeros((len(body.motions), 0)), *resisted])
-        known = np.isfinite(responses).all(axis=0)  # not at folded facets of a failed iteration
-        free = unresisted(responses[:, known])
-        if len(free):
-            found.append(replace(body, motions=free @ body.motions))
-    return found
 
 
 def bonded_motions(bodies: BodyMotions, some: Sequence[FloatingBody]) -> list[FloatingBody]:
@@ -629,13 +602,11 @@ def bonded_motions(bodies: BodyMotions, some: Sequence[FloatingBody]) -> list[Fl
         if contact.pair.law.has_adhesion:
             on, holds = _bonds(contact)
             for rate, nodes in ((opening, on), (slipping, on & holds)):
-                rates = np.vstack([rate(bodies, contact, body) for body in some])
+                rates = rate(bodies, contact, *some)
                 responses.append(rates[:, nodes].reshape(len(rates), -1))
-    ends = np.cumsum([len(body.motions) for body in some])[:-1]
-    parts = np.split(unresisted(np.hstack(responses)), ends, axis=1)
-    moving = []
+    parts, moving = by_body(some, unresisted(np.hstack(responses)).T), []
     for body, part in zip(some, parts, strict=True):
-        _, sizes, ways = np.linalg.svd(part, full_matrices=False)
+        _, sizes, ways = np.linalg.svd(part.T, full_matrices=False)
         free = ways[sizes > RIGID.resisted]
         if len(free):
             moving.append(replace(body, motions=free @ body.motions))
@@ -656,27 +627,27 @@ def _bonds(contact: Contact) -> tuple[Flags, Flags]:
 def _responses(
     bodies: BodyMotions,
     contact: Contact,
-    body: FloatingBody,
+    some: Sequence[FloatingBody],
     response: Response,
     components: tuple[int, ...] = (),
 ) -> Array:
-    """Response of a pair to each rigid motion of a body, shape (motions, slave nodes, ...).
+    """Response of a pair to each rigid motion of some bodies, (motions, slave nodes, ...).
 
     Args:
         bodies: The floating bodies.
         contact: The pair.
-        body: The body.
+        some: The bodies that move.
         response: Function of fields and displacements (motions, nodes, dim) of slave and master.
         components: Shape of the response of a node.
     """
-    found = np.zeros((len(body.motions), contact.slave.num_nodes, *components))
-    o = contact.operators
-    sides = (contact.slave, o.x), (contact.master, o.m)
-    has_nodes = any((bodies.labels_of(surface) == body.label).any() for surface, _ in sides)
-    if has_nodes and len(body.motions):
-        on_slave, on_master = (
-            bodies.displacement(body, side.X if bodies.bulk.is_linear else x, bodies.parts_of(side))
-            for side, x in sides
-        )
-        found[:] = response(contact.now, on_slave, on_master)
+    o, count = contact.operators, sum(len(body.motions) for body in some)
+    found = np.zeros((count, contact.slave.num_nodes, *components))
+    sides = [
+        (side.X if bodies.bulk.is_linear else x, bodies.parts_of(side), bodies.labels_of(side))
+        for side, x in ((contact.slave, o.x), (contact.master, o.m))
+    ]
+    for body, own in zip(some, by_body(some, found), strict=True):
+        if len(own) and any((labels == body.label).any() for _, _, labels in sides):
+            moved = (bodies.displacement(body, x, parts) for x, parts, _ in sides)
+            own[:] = response(contact.now, *moved)
     return found

@@ -365,7 +365,7 @@ def nonnegative_least_squares(A: Array, b: Array) -> Array:
         if not descent.any():
             break
         entering = int(descent.argmax())
-        solution = _least_squares(A, b, [*positive, entering])
+        solution = np.linalg.lstsq(A[:, [*positive, entering]], b, rcond=None)[0]
         refused[entering] = solution[-1] <= 0.0
         if refused[entering]:
             continue
@@ -380,11 +380,6 @@ def nonnegative_least_squares(A: Array, b: Array) -> Array:
             stays = (moved > 0.0) & (reach > reach.min())
             x[positive] = np.where(stays, moved, 0.0)
             positive = [j for j, kept in zip(positive, stays, strict=True) if kept]
-            solution = _least_squares(A, b, positive)
+            solution = np.linalg.lstsq(A[:, positive], b, rcond=None)[0]
         x[positive] = solution
     return x
-
-
-def _least_squares(A: Array, b: Array, columns: list[int]) -> Array:
-    found: Array = np.linalg.lstsq(A[:, columns], b, rcond=None)[0]
-    return found

@@ -31,14 +31,16 @@ fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from fenics_mortar.bulk.bodies import MINOR, describe_in_space
+from fenics_mortar.bulk.bodies import describe_motion
 from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.obstacles.rigid_motion import (
+    TURNS,
     RigidMotion,
     by_further_motion,
     describe_load,
@@ -52,14 +54,13 @@ from fenics_mortar.rigid.proximal import (
     Carried,
     Springs,
     anchored_stiffness,
-    over_contact,
-    slides,
+    carried_by,
     tangent_stiffness,
     unresisted,
 )
 from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, solve_bordered
 from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags
-from fenics_mortar.utils.errors import MortarError, format_point
+from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
@@ -70,53 +71,162 @@ if TYPE_CHECKING:
     from fenics_mortar.rigid.spread import BoundRigidBoundary, BoundSection
 
 
-class RigidMotions:
-    """Obstacles and remote loads of a problem and their places.
+def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
+    """Rate of slip of some nodes by obstacle motions at present, (n, 3) [1].
+
+    In space along both tangents, (n, 2, 6). This is not the derivative of the slip of a step, which
+    also depends on motions along the normal if the obstacle has turned.
+    """
+    o = contact.on_obstacle
+    V = np.moveaxis(o.obstacle.motions(o.x, o.arm), 1, 0)
+    return -np.stack([contact.now.along_tangents(each) for each in V], axis=-1)[nodes]
+
+
+def _slip(contact: Contact) -> Array:
+    """Slip of the nodes, (nodes,) [length]; in space along both tangents, (nodes, 2)."""
+    now = contact.now
+    return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.slip_in_space)
+
+
+def _width(contacts: Sequence[Contact]) -> float:
+    """Width of the active part of contacts [length]; in space the root of its area."""
+    power = contacts[0].slave.dim - 1
+    sizes = [float((c.slave.nodal_lengths[c.active] ** power).sum()) for c in contacts]
+    return float(sum(sizes) ** (1.0 / power))
+
+
+def loose_motions(motions: DrivenMotions) -> list[Array]:
+    """Loose motions of each obstacle, an orthonormal basis (n, motions) [1] each (local)."""
+    found = []
+    for number, driven in enumerate(motions.driven_obstacles):
+        basis = np.eye(driven.size)[driven]
+        closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
+        found.append(
+            unresisted(basis @ np.concatenate([*closing, np.zeros((0, driven.size))]).T) @ basis
+        )
+    return found
+
+
+def tangent_springs(
+    motions: DrivenMotions, residual: Array, stiffness: float, force: float
+) -> Array:
+    """Stiffness of springs on loose motions, in proportion to the driving force (local).
 
     Args:
+        motions: The rigid motions.
+        residual: Residual of the balance, shape (m, 3) [stress length].
+        stiffness: Stiffness of the bulk [stress].
+        force: Size of all forces [stress length].
+
+    Returns:
+        Addition to E_q, shape (3 m, 3 m) [stress].
+    """
+    total, each = np.zeros((motions.scales.size,) * 2), motions.scales.shape[1]
+    for number, loose in enumerate(loose_motions(motions)):
+        own = slice(each * number, each * (number + 1))
+        relative = tangent_stiffness(loose @ residual[number], force)
+        total[own, own] = stiffness * relative * (loose.T @ loose)
+    return total
+
+
+def border_of(motions: DrivenMotions, system: LinearSystem) -> Border:
+    """Border of all motions, driven or not, and of spread loads, see ``linearize_balance``."""
+    motion = border = linearize_balance(motions, system)
+    for load in motions.spread:
+        spread = load.linearize(system)
+        coupling = by_spread(motion, spread, system)
+        spread.columns[:, system.bulk.prescribed_dofs] = 0.0
+        border = border.joined(spread)
+        border.corner[: len(coupling), -len(spread.corner) :] = coupling
+    return border
+
+
+def by_spread(motion: Border, spread: Border, system: LinearSystem) -> Array:
+    """Derivatives of f_q by the unknowns of a spread load, (3 m, 2) [stress length] (collective).
+
+    Its forces act on nodes that a rigid boundary prescribes, whose columns are -V.
+    """
+    return -sum_over_ranks(system.comm, motion.columns @ spread.columns.T)
+
+
+def linearize_balance(motions: DrivenMotions, system: LinearSystem) -> Border:
+    """C_q, [E_d, M_q] and E_q of all motions, driven or not (collective).
+
+    Args:
+        motions: The rigid motions; their ``take_bulk_rows`` was called at this state.
+        system: System of displacement and multipliers; columns and rows are its vectors.
+    """
+    count, size, each = motions.scales.size, system.bulk.num_owned, motions.scales.shape[1]
+    columns = np.zeros((count, size + system.num_z_dofs))
+    rows, corner = np.zeros_like(columns), np.zeros((count, count))
+    for contact, z_dofs in zip(motions.contacts, system.z_dofs, strict=True):
+        if contact.obstacle is None:
+            continue
+        first = each * motions.obstacles.index(contact.obstacle)
+        own = slice(first, first + each)
+        E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
+        acting = M_q * contact.acts[:, None]
+        multipliers = size + system.local(contact, z_dofs)
+        mine = contact.slave.owned
+        columns[own, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
+        rows[own, multipliers] += acting[:, mine]
+        for flux in contact.fluxes:
+            flux.add_by_motions(columns[own])
+        for row, forces in zip(rows[own], E_d, strict=True):
+            contact.slave.scatter_add(forces, row)
+        corner[own, own] += E_q
+    for number, load in enumerate(motions.remote, len(motions.obstacles)):
+        own = slice(each * number, each * (number + 1))
+        border = load.linearize(system)
+        columns[own], rows[own], corner[own, own] = border.columns, border.rows, border.corner
+    return Border(columns, rows, corner)
+
+
+class DrivenMotions:
+    """Rigid motions of the obstacles and remote loads of a problem, and the balance of driven ones.
+
+    Args:
+        bulk: The bodies.
         contacts: The contacts of the problem, and its ties.
-        remote: Remote loads with motions, bound to the mesh.
-        spread: Remote loads that are spread over boundaries free to deform.
+        remote: The remote loads, bound to the mesh.
 
     Attributes:
         contacts: The contacts and ties.
         obstacles: Obstacles of the contacts, without duplicates.
         remote: The remote loads with motions.
-        spread: Those without.
+        spread: Those that are spread over boundaries free to deform.
         movers: All objects with a place: the m obstacles and remote loads.
         exist: Whether there are movers or spread loads.
         pairs: Contacts with an obstacle, with the number of the obstacle.
         scales: Motions per (x, y, angle), shape (m, 3), in space (m, 6) [1, length].
+        springs: Anchored springs on obstacles, or ``None``; their anchors are places.
     """
 
-    def __init__(
-        self,
-        contacts: Sequence[Any],
-        remote: Sequence[BoundSection | BoundRigidBoundary] = (),
-        spread: Sequence[BoundSpreadLoad] = (),
-    ) -> None:
-        self.contacts, self.remote, self.spread = contacts, remote, spread
+    def __init__(self, bulk: Bulk, contacts: Sequence[Any], remote: Sequence[Any] = ()) -> None:
+        self.contacts = contacts
+        self.spread = [load for load in remote if isinstance(load, BoundSpreadLoad)]
+        self.remote: list[BoundSection | BoundRigidBoundary] = [
+            load for load in remote if load not in self.spread
+        ]
         found = [c.obstacle for c in contacts if c.obstacle is not None]
         self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
-        for obstacle in self.obstacles:
-            mine = [contact for contact in contacts if contact.obstacle is obstacle]
-            for contact in mine:
-                contact.set_arm(max(c.arm for c in mine))
         self.pairs: list[tuple[int, Contact]] = [
             (self.obstacles.index(c.obstacle), c) for c in contacts if c.obstacle is not None
         ]
-        self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in remote)]
-        self.exist = bool(self.movers or spread)
-        sides: list[Any] = [contact.slave for contact in contacts]
-        sides += [load.motion for load in remote] + [load.motion for load in spread]
-        self._dim: int = max((each.dim for each in sides), default=2)
-        self._size = 3 if self._dim == 2 else 6
-        self.scales: Array = np.ones((len(self.movers), self._size))
-        self._none: Array = np.zeros((0, self._size))
+        self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in self.remote)]
+        self.exist = bool(self.movers or self.spread)
+        self._dim, self._size = bulk.space.dim, len(TURNS[bulk.space.dim]) + bulk.space.dim
+        arms = [max(c.arm for c in self.contacts_of(i)) for i in range(len(self.obstacles))]
         for number, contact in self.pairs:
-            self.scales[number, self._dim :] = contact.arm
-        for number, load in enumerate(remote, len(self.obstacles)):
-            self.scales[number, self._dim :] = load.arm
+            contact.set_arm(arms[number])
+        arms += [load.arm for load in self.remote]
+        self.scales: Array = np.ones((len(self.movers), self._size))
+        self.scales[:, self._dim :] = np.reshape(arms, (-1, 1))
+        bulk.spread = self.spread
+        for load in self.remote:
+            load.bind_forces(bulk, contacts)
+        self.springs: Springs | None = None
+        self._start = self.places
 
     @property
     def places(self) -> Array:
@@ -152,32 +262,21 @@ class RigidMotions:
 
     def largest(self) -> float:
         """Largest motion since the movers were created [length]."""
-        if not self.movers:
-            return 0.0
         return float(np.abs(self.places * self.scales).max(initial=0.0))
-
-    @property
-    def any_driven(self) -> bool:
-        """Whether a force drives any motion (local)."""
-        return bool(self.driven.any())
 
     @property
     def are_unknown(self) -> bool:
         """Whether the tangent has a border: driven motions or spread loads (local)."""
-        return bool(self.spread) or self.any_driven
-
-    @property
-    def num_of_spread(self) -> int:
-        """Number of unknowns of the spread loads, two each, in space six (local)."""
-        return sum(load.num_unknowns for load in self.spread)
+        return bool(self.spread) or bool(self.driven.any())
 
     @property
     def unknowns(self) -> Flags:
-        """Marks of the unknowns of the border, see ``driven`` (local).
+        """Marks of the unknowns of the border: of ``driven``, then all of spread loads (local).
 
-        Shape (3 m + num_of_spread,), bool.
+        Two of each spread load, in space six, shape (3 m + 2 spread loads,), bool.
         """
-        return np.append(self.driven.ravel(), np.ones(self.num_of_spread, bool))
+        of_spread = sum(load.num_unknowns for load in self.spread)
+        return np.append(self.driven.ravel(), np.ones(of_spread, bool))
 
     @property
     def driven(self) -> Flags:
@@ -260,159 +359,12 @@ class RigidMotions:
 
     def _of_all(self, name: str) -> Array:
         """An attribute of all movers, shape (m, 3)."""
-        if not self.movers:
-            return self._none
         return np.array([getattr(mover, name) for mover in self.movers]).reshape(-1, self._size)
-
-
-def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
-    """Rate of slip of some nodes by obstacle motions at present, (n, 3) [1].
-
-    In space along both tangents, (n, 2, 6). This is not the derivative of the slip of a step, which
-    also depends on motions along the normal if the obstacle has turned.
-    """
-    o = contact.on_obstacle
-    V = np.moveaxis(o.obstacle.motions(o.x, o.arm), 1, 0)
-    return -np.stack([contact.now.along_tangents(each) for each in V], axis=-1)[nodes]
-
-
-def describe_motion(motion: Array) -> str:
-    """Description of a ``motion`` x, y, turn, shape (3,), in space (6,) [length] (local)."""
-    shares = motion / np.abs(motion).max()
-    if motion.size == 6:
-        shares = np.round(shares, 4) + 0.0
-        return describe_in_space(shares[:3], shares[3:], verb="turn")
-    x, y, turn = shares
-    if abs(turn) < MINOR:
-        return f"move along {format_point((x + 0.0, y + 0.0))}"
-    return "turn" if max(abs(x), abs(y)) < MINOR else f"move along {format_point((x, y))} and turn"
-
-
-def _slip(contact: Contact) -> Array:
-    """Slip of the nodes, (nodes,) [length]; in space along both tangents, (nodes, 2)."""
-    now = contact.now
-    return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.slip_in_space)
-
-
-def _width(contacts: Sequence[Contact]) -> float:
-    """Width of the active part of contacts [length]; in space the root of its area."""
-    power = contacts[0].slave.dim - 1
-    sizes = [float((c.slave.nodal_lengths[c.active] ** power).sum()) for c in contacts]
-    return float(sum(sizes) ** (1.0 / power))
-
-
-def loose_motions(motions: RigidMotions) -> list[Array]:
-    """Loose motions of each obstacle, an orthonormal basis (n, motions) [1] each (local)."""
-    found = []
-    for number, driven in enumerate(motions.driven_obstacles):
-        basis = np.eye(driven.size)[driven]
-        closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
-        found.append(
-            unresisted(basis @ np.concatenate([*closing, np.zeros((0, driven.size))]).T) @ basis
-        )
-    return found
-
-
-def tangent_springs(
-    motions: RigidMotions, residual: Array, stiffness: float, force: float
-) -> Array:
-    """Stiffness of springs on loose motions, in proportion to the driving force (local).
-
-    Args:
-        motions: The rigid motions.
-        residual: Residual of the balance, shape (m, 3) [stress length].
-        stiffness: Stiffness of the bulk [stress].
-        force: Size of all forces [stress length].
-
-    Returns:
-        Addition to E_q, shape (3 m, 3 m) [stress].
-    """
-    total, each = np.zeros((motions.scales.size,) * 2), motions.scales.shape[1]
-    for number, loose in enumerate(loose_motions(motions)):
-        own = slice(each * number, each * (number + 1))
-        relative = tangent_stiffness(loose @ residual[number], force)
-        total[own, own] = stiffness * relative * (loose.T @ loose)
-    return total
-
-
-def border_of(motions: RigidMotions, system: LinearSystem) -> Border:
-    """Border of all motions, driven or not, and of spread loads, see ``linearize_balance``."""
-    motion = border = linearize_balance(motions, system)
-    for load in motions.spread:
-        spread = load.linearize(system)
-        coupling = by_spread(motion, spread, system)
-        spread.columns[:, system.bulk.prescribed_dofs] = 0.0
-        border = border.joined(spread)
-        border.corner[: len(coupling), -len(spread.corner) :] = coupling
-    return border
-
-
-def by_spread(motion: Border, spread: Border, system: LinearSystem) -> Array:
-    """Derivatives of f_q by the unknowns of a spread load, (3 m, 2) [stress length] (collective).
-
-    Its forces act on nodes that a rigid boundary prescribes, whose columns are -V.
-    """
-    return -sum_over_ranks(system.comm, motion.columns @ spread.columns.T)
-
-
-def linearize_balance(motions: RigidMotions, system: LinearSystem) -> Border:
-    """C_q, [E_d, M_q] and E_q of all motions, driven or not (collective).
-
-    Args:
-        motions: The rigid motions; their ``take_bulk_rows`` was called at this state.
-        system: System of displacement and multipliers; columns and rows are its vectors.
-    """
-    count, size, each = motions.scales.size, system.bulk.num_owned, motions.scales.shape[1]
-    columns = np.zeros((count, size + system.num_z_dofs))
-    rows, corner = np.zeros_like(columns), np.zeros((count, count))
-    for contact, z_dofs in zip(motions.contacts, system.z_dofs, strict=True):
-        if contact.obstacle is None:
-            continue
-        first = each * motions.obstacles.index(contact.obstacle)
-        own = slice(first, first + each)
-        E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
-        acting = M_q * contact.acts[:, None]
-        multipliers = size + system.local(contact, z_dofs)
-        mine = contact.slave.owned
-        columns[own, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
-        rows[own, multipliers] += acting[:, mine]
-        for flux in contact.fluxes:
-            flux.add_by_motions(columns[own])
-        for row, forces in zip(rows[own], E_d, strict=True):
-            contact.slave.scatter_add(forces, row)
-        corner[own, own] += E_q
-    for number, load in enumerate(motions.remote, len(motions.obstacles)):
-        own = slice(each * number, each * (number + 1))
-        border = load.linearize(system)
-        columns[own], rows[own], corner[own, own] = border.columns, border.rows, border.corner
-    return Border(columns, rows, corner)
-
-
-class DrivenMotions(RigidMotions):
-    """Rigid motions of a problem and the balance of the driven ones.
-
-    Args:
-        bulk: The bodies.
-        contacts: The contacts of the problem, and its ties.
-        remote: The remote loads, bound to the mesh.
-
-    Attributes:
-        springs: Anchored springs on obstacles, or ``None``.
-    """
-
-    def __init__(self, bulk: Bulk, contacts: Sequence[Any], remote: Sequence[Any] = ()) -> None:
-        spread = [load for load in remote if isinstance(load, BoundSpreadLoad)]
-        super().__init__(contacts, [load for load in remote if load not in spread], spread)
-        bulk.spread = spread
-        for load in self.remote:
-            load.bind_forces(bulk, contacts)
-        self.springs: Springs | None = None
-        self._anchor = self._start = self.places
 
     def residual(self) -> Array:
         """f_q plus springs minus push, else 0, (m, 3) [stress length] (collective)."""
         if not self.movers:
-            return self._none
+            return np.zeros(self.scales.shape)
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
 
     def solve(
@@ -434,21 +386,20 @@ class DrivenMotions(RigidMotions):
             border, count = border_of(self, system), self.scales.size
             border.corner[:count, :count] += self._stiffness_of_springs(stiffness, force)
             border = border.restricted_to(self.unknowns)
-            push = (self.push() - self._spring_forces() - self._constant_forces())[driven]
-            c = np.append(push, np.zeros(self.num_of_spread))
+            push, c = self.push() - self._spring_forces(), np.zeros(len(border.corner))
+            for on_mover, load in zip(push[len(self.obstacles) :], self.remote, strict=True):
+                on_mover -= load.constant_force()
+            c[: driven.sum()] = push[driven]
             x, found = solve_bordered(system.solve, border, x, c, system.comm)
-            motion[driven] = found[: push.size]
+            motion[driven] = found[: driven.sum()]
         return x, motion
-
-    def _constant_forces(self) -> Array:
-        """Parts of f_q that are not linear in the multipliers, (m, 3) [stress length]."""
-        on_obstacles = np.zeros_like(self.scales[: len(self.obstacles)])
-        return np.vstack([on_obstacles, *(load.constant_force() for load in self.remote)])
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
         """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
         if self.springs is not None:
-            return self.springs.stiffness.reshape(-1, 1) * self._strain_by_motions()
+            strain = self.motions_since(self.springs.anchor)
+            by_motions = block_diag(*map(by_further_motion, strain, self.scales[:, -1]))
+            return self.springs.stiffness.reshape(-1, 1) * by_motions
         return tangent_springs(self, self.residual(), stiffness, force)
 
     def describe(self, force: float) -> str:
@@ -457,14 +408,19 @@ class DrivenMotions(RigidMotions):
         Args:
             force: Size of all forces [stress length].
         """
-        found, residual = [], self.residual()[: len(self.obstacles)]
-        for obstacle, loose, rest in zip(
-            self.obstacles, loose_motions(self), residual, strict=True
-        ):
-            drive = loose @ rest
+        found, residual = [], self.residual()
+        for number, loose in enumerate(loose_motions(self)):
+            drive = loose @ residual[number]
             if np.linalg.norm(drive) > SUM_ROUNDING * force:
-                found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
+                how = self._describe(number, drive @ loose)
+                found.append(f"obstacle '{self.obstacles[number].name}' can {how}")
         return ", ".join(found)
+
+    def _describe(self, number: int, motion: Array) -> str:
+        """Description of a motion (3,) [length] of an obstacle."""
+        obstacle, arm = self.obstacles[number], self.scales[number, -1]
+        centre = obstacle.pivot + obstacle.place[: self._dim]
+        return describe_motion(motion / np.linalg.norm(motion), centre, arm)
 
     # Springs, see ``proximal``
 
@@ -486,14 +442,13 @@ class DrivenMotions(RigidMotions):
         )
         driven = np.zeros(self.scales.shape)
         driven[:count] = np.where(self.driven_obstacles, springs[:, None], 0.0)
-        self._anchor = self.places
-        self.springs = Springs(driven, np.zeros(driven.shape))
+        self.springs = Springs(driven, self.places)
 
     def max_motion(self) -> float:
         """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
         if self.springs is None:
             return 0.0
-        strain = np.where(self.driven, self.motions_since(self._anchor), 0.0)
+        strain = np.where(self.driven, self.motions_since(self.springs.anchor), 0.0)
         moves = np.linalg.norm(strain[: len(self.obstacles)], axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
@@ -501,36 +456,29 @@ class DrivenMotions(RigidMotions):
         """Forces of the springs on each anchored obstacle."""
         if self.springs is None:
             return []
-        forces = self._spring_forces()[: len(self.obstacles)]
-        sizes = np.linalg.norm(forces, axis=1)
-        fractions = list(map(over_contact, sizes, self.contact_forces()))
+        forces, contact = self._spring_forces(), self.contact_forces()
         return [
-            Carried(
+            carried_by(
+                float(np.linalg.norm(forces[i])),
+                contact[i],
                 f"obstacle '{self.obstacles[i].name}'",
-                float(fractions[i]),
-                slides([(c, c.active) for c in self.contacts_of(i)]),
-                describe_motion(forces[i]) if sizes[i] > 0.0 else "",
+                [(c, c.active) for c in self.contacts_of(i)],
+                partial(self._describe, i, forces[i]),
             )
             for i in np.flatnonzero(self.driven_obstacles.any(axis=1))
         ]
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""
-        return 0.0 if self.springs is None else self.springs.energy(self._strain())
+        if self.springs is None:
+            return 0.0
+        return 0.5 * float((self._spring_forces() * self.motions_since(self.springs.anchor)).sum())
 
     def _spring_forces(self) -> Array:
-        none = np.zeros(self.scales.shape)
-        return none if self.springs is None else self.springs.forces(self._strain())
-
-    def _strain(self) -> Array:
-        """Motions since ``anchor``, shape (m, 3) [length]."""
-        return self.motions_since(self._anchor)
-
-    def _strain_by_motions(self) -> Array:
-        """Derivative of ``_strain`` by further motions, shape (3 m, 3 m) [1]."""
-        each = zip(self.movers, self._anchor, self.scales, strict=True)
-        motions = ((motion_between(at, mover.place, s[-1]), s[-1]) for mover, at, s in each)
-        return block_diag(*(by_further_motion(*motion) for motion in motions))
+        """Forces of the anchored springs, zero without, (m, 3) [stress length]."""
+        if self.springs is None:
+            return np.zeros(self.scales.shape)
+        return self.springs.stiffness * self.motions_since(self.springs.anchor)
 
     # Before and after a solve
 
@@ -590,9 +538,10 @@ class DrivenMotions(RigidMotions):
             moved |= dict.fromkeys(f"obstacle '{self.obstacles[i].name}'" for i in moving)
             self.move(moves)
         free = moving[0]
+        name, how = self.obstacles[free].name, self._describe(free, moves[free])
         raise MortarError(
-            f"obstacle '{self.obstacles[free].name}' can {describe_motion(moves[free])} freely: "
-            "its push drives it, and no contact stops it; prescribe that motion by move()"
+            f"obstacle '{name}' can {how} freely: its push drives it, and no contact stops it; "
+            "prescribe that motion by move()"
         )
 
     def _next_move(self, number: int) -> Array:

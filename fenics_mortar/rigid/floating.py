@@ -17,7 +17,9 @@ contact may support are determined by limit analysis, see ``body_motions``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -28,11 +30,9 @@ from fenics_mortar.contact.law import STICK, Friction
 from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.rigid.body_motions import (
     BodyMotions,
-    HeldBodies,
     Touching,
+    by_body,
     closing,
-    is_ahead,
-    loose_bodies,
     nearly_touching,
     opening,
     slipping,
@@ -44,8 +44,7 @@ from fenics_mortar.rigid.proximal import (
     Carried,
     Springs,
     anchored_stiffness,
-    over_contact,
-    slides,
+    carried_by,
     tangent_stiffness,
 )
 from fenics_mortar.utils.arrays import SOLVED, Array, Flags
@@ -62,335 +61,314 @@ ROUGH = 100.0
 Moves = list[tuple[FloatingBody, Array]]
 
 
-class BodySettling:
-    """Moves of floating bodies before a solve, and check of the state after it.
+@dataclass
+class Settling:
+    """What moved in ``settle``, and from where.
+
+    Attributes:
+        unloaded: Bodies without contact force before.
+        start: Displacement after the moves, shape (local dofs,) [length].
+        touched: Active sets of the contacts before.
+        moved: Bodies that were moved.
+    """
+
+    unloaded: list[FloatingBody]
+    start: Array
+    touched: list[Flags] = field(default_factory=list)
+    moved: list[FloatingBody] = field(default_factory=list)
+
+
+def settle(
+    bodies: FloatingBodies,
+    evaluate: Callable[[], tuple[Array, Array]],
+    give_way: Callable[[Moves], Moves],
+) -> list[str]:
+    """Move the bodies that contact cannot support rigidly until it can.
+
+    Args:
+        bodies: The floating bodies; their ``settling`` is set.
+        evaluate: Function that evaluates the contacts at the present state and returns the
+            forces of the bulk and of contact, shape (owned dofs,) each [stress length].
+        give_way: Function that shortens moves until idle bodies can give way, and adds their
+            moves.
+
+    Returns:
+        A sentence for each body that was moved.
+
+    Raises:
+        NotConvergedError: On all ranks, if no contact stops a body.
+    """
+    unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
+    bodies.settling = Settling(unloaded, bodies.bulk.values.copy())
+    if not bodies.bodies:
+        return []
+    moved, creeping, extent = dict[int, float](), 0, bodies.extent(bodies.bulk.positions())
+    shortest = RIGID.overlap**2 * bodies.shortest_facet()
+    begins = dict[int, list[Callable[[], str]]]()
+    for number in range(RIGID.max_moves):
+        forces = evaluate()
+        if number == 0:
+            bodies.settling.touched = [contact.active.copy() for contact in bodies.contacts]
+        moves = give_way(_next_moves(bodies, *forces, begun=number > 0))
+        moves = [(body, move) for body, move in moves if np.linalg.norm(move) > shortest]
+        on = [(c, _touches(c)) for c in bodies.contacts if moves]
+        touching = [
+            body.label
+            for body, _ in moves
+            if any((bodies.at_body(c, body) & nodes).any() for c, nodes in on)
+        ]
+        limits = _limit_analysis(bodies, forces[0]) if touching else ()
+        for label in touching:
+            found = _beginning(bodies, label, *limits, may_tip=number == 0)
+            begins.setdefault(label, []).append(found)
+        longest = max((_length(body, move) for body, move in moves), default=0.0)
+        creeping = creeping + 1 if RIGID.overlap * longest <= shortest else 0
+        if not moves or creeping > RIGID.max_creeping:
+            bodies.settling.start = bodies.bulk.values.copy()
+            bodies.settling.moved = [body for body in bodies.bodies if body.label in moved]
+            names = sorted(bodies.name_of(label) for label in sorted(moved))
+            return [f"{name} was moved rigidly until contact stopped it" for name in names]
+        for body, move in moves:
+            bodies.move(body, move)
+            moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
+        if all(moved[body.label] > extent for body, _ in moves) and _part(bodies, moves):
+            break
+    body, move = moves[0]
+    name, how = bodies.name_of(body.label), body.describe(move, directed=True)
+    told = (begun() for begun in begins.get(body.label, []))
+    first = next((text for text in told if text), "")
+    message = (
+        f"{first}{name} can {how} freely: it is driven by loads, and "
+        f"neither Dirichlet conditions nor contact stop it"
+    )
+    raise NotConvergedError(message, NewtonReport(reason=message))
+
+
+def _beginning(
+    bodies: FloatingBodies, label: int, loads: Array, touching: Touching, *, may_tip: bool
+) -> Callable[[], str]:
+    """Function that tells how a body that touches others begins to tip over or to slide.
+
+    Without friction loads accelerate bodies in the nearest direction to the loads that no
+    contact stops. A body that leaves all nodes by it is pulled off. Others tip over if limit
+    analysis of the present state moves them at a coefficient of friction ``ROUGH``, or slide in
+    that direction.
 
     Args:
         bodies: The floating bodies.
+        label: Of the body.
+        loads: Resultants on all bodies, see ``_limit_analysis``.
+        touching: Touching nodes.
+        may_tip: Whether to tell of tipping. A body that falls rolls until it lies on a side.
 
-    Attributes:
-        touched: Active sets of the contacts at the start of ``settle``.
-        moved: Bodies that the last ``settle`` moved.
+    Returns:
+        Function without arguments; "" if the body does not move, or leaves all that it touches.
     """
+    name = bodies.name_of(label)
+    ((number, body),) = (each for each in enumerate(bodies.bodies) if each[1].label == label)
+    at_body = [(c, bodies.at_body(c, body) & _touches(c)) for c in bodies.contacts]
+    closes = np.hstack([closing(bodies, c, body)[:, on] for c, on in at_body])
 
-    def __init__(self, bodies: BodyMotions) -> None:
-        self._bodies = bodies
-        self._unloaded: list[FloatingBody] = []
-        self._start: Array = bodies.bulk.u.x.array
-        self._give_way: Callable[[Moves], Moves] = list
-        self.touched: list[Flags] = []
-        self.moved: list[FloatingBody] = []
+    def begins() -> str:
+        found, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
+        free = loads if found is None else found
+        least, slide = RIGID.resisted * np.abs(free).max(), by_body(bodies.bodies, free)[number]
+        if (slide @ closes).max() < -least:
+            return ""  # pulled off
+        rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
+        motion = by_body(bodies.bodies, unresisted_motion(loads, rough))[number]
+        what = "tips over, which no friction can prevent"
+        if np.abs(motion).max() <= RIGID.resisted:
+            motion = slide
+            if found is None or np.abs(motion).max() <= least:
+                return ""  # carried along by others
+            rubs = touching.slope.any() or touching.shear.any()
+            what = "friction is too small to hold it" if rubs else "no friction holds it"
+            what = f"slides, and {what}"
+        elif not may_tip:
+            return ""
+        how = body.describe(motion, directed=True, poles=True)
+        return f"{name} {what}: it begins to {how}. At last "
 
-    def begin(self) -> None:
-        """Forget what the last solve moved: motions may be prescribed since (local)."""
-        self.moved, self._unloaded = [], []
+    return begins
 
-    def settle(
-        self,
-        evaluate: Callable[[], tuple[Array, Array]],
-        give_way: Callable[[Moves], Moves],
-        min_drive: float,
-    ) -> list[str]:
-        """Move the bodies that contact cannot support rigidly until it can.
 
-        Args:
-            evaluate: Function that evaluates the contacts at the present state and returns the
-                forces of the bulk and of contact, shape (owned dofs,) each [stress length].
-            give_way: Function that shortens moves until idle bodies can give way, and adds their
-                moves.
-            min_drive: Smallest resultant that moves a body, over the forces on it [1].
+def check_settled(bodies: FloatingBodies, reach: float) -> list[str]:
+    """Check bodies without contact force before and after the solve.
 
-        Returns:
-            A sentence for each body that was moved.
+    Args:
+        bodies: The floating bodies.
+        reach: Largest motion of a body set aside that gives way to deformation [length].
 
-        Raises:
-            NotConvergedError: On all ranks, if no contact stops a body.
-        """
-        bodies, self._give_way = self._bodies, give_way
-        self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
-        moved, creeping, extent = dict[int, float](), 0, bodies.extent()
-        begins = dict[int, list[Callable[[], str]]]()
-        for number in range(RIGID.max_moves):
-            forces = evaluate()
-            if number == 0:
-                self.touched = [contact.active.copy() for contact in bodies.contacts]
-            moves = self._next_moves(*forces, min_drive, begun=number > 0)
-            touching = [body.label for body, _ in moves if self._touches_others(body)]
-            limits = self._limit_analysis(forces[0]) if touching else ()
-            for label in touching:
-                found = self._beginning(label, *limits, may_tip=number == 0)
-                begins.setdefault(label, []).append(found)
-            creeping = creeping + 1 if self._creeps(moves) else 0
-            if not moves or creeping > RIGID.max_creeping:
-                self._start = bodies.bulk.u.x.array.copy()
-                self.moved = [body for body in bodies.bodies if body.label in moved]
-                names = sorted(bodies.name_of(label) for label in sorted(moved))
-                return [f"{name} was moved rigidly until contact stopped it" for name in names]
-            for body, move in moves:
-                bodies.move(body, move)
-                moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
-            if all(moved[body.label] > extent for body, _ in moves) and self._part(moves):
-                break
-        body, move = moves[0]
-        name, how = bodies.name_of(body.label), body.describe(move, directed=True)
-        told = (begun() for begun in begins.get(body.label, []))
-        first = next((text for text in told if text), "")
-        message = (
-            f"{first}{name} can {how} freely: it is driven by loads, and "
-            f"neither Dirichlet conditions nor contact stop it"
-        )
-        raise NotConvergedError(message, NewtonReport(reason=message))
+    Returns:
+        A sentence for each body that was pushed towards a surface that may stop it.
 
-    def _touches_others(self, body: FloatingBody) -> bool:
-        """Whether a body touches anything at present (local)."""
-        bodies = self._bodies
-        return any((bodies.at_body(c, body) & _touches(c)).any() for c in bodies.contacts)
-
-    def _beginning(
-        self, label: int, loads: Array, touching: Touching, *, may_tip: bool
-    ) -> Callable[[], str]:
-        """Function that tells how a body that touches others begins to tip over or to slide.
-
-        Without friction loads accelerate bodies in the nearest direction to the loads that no
-        contact stops. A body that leaves all nodes by it is pulled off. Others tip over if limit
-        analysis of the present state moves them at a coefficient of friction ``ROUGH``, or slide in
-        that direction.
-
-        Args:
-            label: Of the body.
-            loads: Resultants on all bodies, see ``_limit_analysis``.
-            touching: Touching nodes.
-            may_tip: Whether to tell of tipping. A body that falls rolls until it lies on a side.
-
-        Returns:
-            Function without arguments; "" if the body does not move, or leaves all that it touches.
-        """
-        bodies, name = self._bodies, self._bodies.name_of(label)
-        (body,) = (each for each in bodies.bodies if each.label == label)
-        closes = np.hstack(
-            [
-                closing(bodies, c, body)[:, bodies.at_body(c, body) & _touches(c)]
-                for c in bodies.contacts
-            ]
-        )
-
-        def begins() -> str:
-            found, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
-            free = loads if found is None else found
-            least, slide = RIGID.resisted * np.abs(free).max(), self._of_bodies(free)[label]
-            if (slide @ closes).max() < -least:
-                return ""  # pulled off
-            rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
-            motion = self._of_bodies(unresisted_motion(loads, rough))[label]
-            what = "tips over, which no friction can prevent"
-            if np.abs(motion).max() <= RIGID.resisted:
-                motion = slide
-                if found is None or np.abs(motion).max() <= least:
-                    return ""  # carried along by others
-                rubs = touching.slope.any() or touching.shear.any()
-                what = "friction is too small to hold it" if rubs else "no friction holds it"
-                what = f"slides, and {what}"
-            elif not may_tip:
-                return ""
-            how = body.describe(motion, directed=True, poles=True)
-            return f"{name} {what}: it begins to {how}. At last "
-
-        return begins
-
-    def check(self, reach: float) -> list[str]:
-        """Check bodies without contact force before and after the solve.
-
-        Args:
-            reach: Largest motion of a body set aside that gives way to deformation [length].
-
-        Returns:
-            A sentence for each body that was pushed towards a surface that may stop it.
-
-        Raises:
-            MortarError: On all ranks, if a body was pushed and no surface is ahead of it.
-        """
-        bodies, notes = self._bodies, []
-        for body in self._unloaded:
-            change = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned]
-            motion = bodies.rigid_fraction(body, change)
-            distance, idle = float(np.linalg.norm(motion)), body.label in bodies.aside
-            is_at_rest = distance <= SOLVED * body.size or (idle and distance <= reach)
-            if is_at_rest or bodies.is_loaded(body):
-                continue
-            name = bodies.name_of(body.label)
-            if not any(is_ahead(bodies, contact, body, motion) for contact in bodies.contacts):
-                raise MortarError(
-                    f"{name} can {body.describe(motion, directed=True)} freely: contact pushed it "
-                    f"away, and its Dirichlet conditions do not fix it"
-                )
-            notes.append(f"{name} was pushed along by contact without a force")
-        return notes + self._released()
-
-    def _released(self) -> list[str]:
-        """A sentence for each body that has lost all contact in the solve (collective)."""
-        bodies, before = self._bodies, {body.label for body in self._unloaded}
-        change, notes = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned], []
-        for body in bodies.bodies:
-            if body.label in before or bodies.is_loaded(body):
-                continue
-            moved = np.linalg.norm(change[bodies.motions(body)[0]], axis=1).max(initial=0.0)
-            largest = bodies.bulk.comm.allreduce(float(moved), MPI.MAX)
-            notes.append(
-                f"{bodies.name_of(body.label)} has lost all contact, and no force holds it: "
-                f"it moved by up to {largest:.3g} in this solve"
+    Raises:
+        MortarError: On all ranks, if a body was pushed and no surface is ahead of it.
+    """
+    notes = []
+    for body in bodies.settling.unloaded:
+        change = (bodies.bulk.u.x.array - bodies.settling.start)[: bodies.bulk.num_owned]
+        motion = bodies.rigid_fraction(body, change)
+        distance, idle = float(np.linalg.norm(motion)), body.label in bodies.aside
+        is_at_rest = distance <= SOLVED * body.size or (idle and distance <= reach)
+        if is_at_rest or bodies.is_loaded(body):
+            continue
+        name = bodies.name_of(body.label)
+        rates = [motion @ closing(bodies, contact, body) for contact in bodies.contacts]
+        if not any((rate > RIGID.resisted * distance).any() for rate in rates):
+            raise MortarError(
+                f"{name} can {body.describe(motion, directed=True)} freely: contact pushed it "
+                f"away, and its Dirichlet conditions do not fix it"
             )
-        return notes
+        notes.append(f"{name} was pushed along by contact without a force")
+    return notes + _released(bodies)
 
-    def _next_moves(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """The next move of each driven, unsupported body; none of negligible length."""
-        driven = self._driven(bulk, contact, min_drive, begun=begun)
-        if not driven:
-            return []
-        bodies = self._bodies
-        desired = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
-        rates = [
-            np.where(
-                c.set_aside[:, None],
-                0.0,
-                np.vstack([closing(bodies, c, body) for body, _ in driven]).T,
-            )
-            for c in bodies.contacts
-        ]
-        move = closest_move(desired, rates, bodies.contacts)
-        ends = np.cumsum([len(body.motions) for body, _ in driven])[:-1]
-        moves = [(body, m) for (body, _), m in zip(driven, np.split(move, ends), strict=True)]
-        shortest = RIGID.overlap**2 * bodies.shortest_facet()
-        return [(body, m) for body, m in self._give_way(moves) if np.linalg.norm(m) > shortest]
 
-    def _driven(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """Bodies driven by loads and not supported by contact, with unit directions.
+def _released(bodies: FloatingBodies) -> list[str]:
+    """A sentence for each body that has lost all contact in the solve (collective)."""
+    before = {body.label for body in bodies.settling.unloaded}
+    change, notes = (bodies.bulk.u.x.array - bodies.settling.start)[: bodies.bulk.num_owned], []
+    for body in bodies.bodies:
+        if body.label in before or bodies.is_loaded(body):
+            continue
+        moved = np.linalg.norm(change[bodies.motions(body)[0]], axis=1).max(initial=0.0)
+        largest = bodies.bulk.comm.allreduce(float(moved), MPI.MAX)
+        notes.append(
+            f"{bodies.name_of(body.label)} has lost all contact, and no force holds it: "
+            f"it moved by up to {largest:.3g} in this solve"
+        )
+    return notes
 
-        A body with contact force moves only along directions that active contact admits. Without
-        friction and adhesion, a round body may rest on its facets although the smooth body would
-        roll on. Limit analysis is therefore used in this case only for bodies that touch before
-        they have moved or carried any force.
-        """
-        bodies = self._bodies
-        total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
-        unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
-        labels = {body.label for body in unloaded}
-        reached = self._reached_by_loads(bulk, float(sizes.sum()))
-        loose = [
-            body for body in loose_bodies(bodies, sticking=False) if body.label in reached - labels
-        ]
-        driven = [
-            (body, self._drive(body, total, sizes, min_drive)) for body in (*unloaded, *loose)
-        ]
-        driven = [(body, drive) for body, drive in driven if drive.any()]
-        laws = [contact.pair.law for contact in bodies.contacts]
-        if any(law.has_friction or law.has_adhesion for law in laws):
-            judged = {body.label for body, _ in driven}
-        else:
-            judged = set() if begun else labels
-        if driven and judged:
-            unsupported = self.unsupported(bulk) | {body.label for body in bodies.bodies} - judged
-            driven = [(body, drive) for body, drive in driven if body.label in unsupported]
-        return driven
 
-    def _reached_by_loads(self, bulk: Array, size: float) -> set[int]:
-        """Labels of the bodies with loads, and of those that contact may pass loads on to.
+def _next_moves(bodies: FloatingBodies, bulk: Array, contact: Array, *, begun: bool) -> Moves:
+    """The next move of each driven, unsupported body."""
+    driven = _driven(bodies, bulk, contact, begun=begun)
+    if not driven:
+        return []
+    desired = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
+    some = [body for body, _ in driven]
+    rates = [
+        np.where(c.set_aside[:, None], 0.0, closing(bodies, c, *some).T) for c in bodies.contacts
+    ]
+    move = closest_move(desired, rates, bodies.contacts)
+    return list(zip(some, by_body(some, move), strict=True))
 
-        The contact forces of the accepted state drive no other body: its loads have been removed.
 
-        Args:
-            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
-            size: Sum of the sizes of all forces on this rank [stress length].
-        """
-        bodies = self._bodies
-        force = bodies.bulk.comm.allreduce(size)
-        reached = {
-            body.label
-            for body in bodies.bodies
-            if np.linalg.norm(bodies.resultant(body, bulk)) > bodies.rounding(body, force)
-        }
-        groups = []
-        for contact in bodies.contacts:
-            at = {body.label for body in bodies.bodies if bodies.at_body(contact, body).any()}
-            obstacle = contact.obstacle
-            driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
-            reached |= at if driven or contact.pair.law.has_adhesion else set()
-            groups.append(at)
-        while more := {label for at in groups if at & reached for label in at} - reached:
-            reached |= more
-        return reached
+def _driven(bodies: FloatingBodies, bulk: Array, contact: Array, *, begun: bool) -> Moves:
+    """Bodies driven by loads and not supported by contact, with unit directions.
 
-    def _drive(self, body: FloatingBody, total: Array, sizes: Array, min_drive: float) -> Array:
-        """Unit direction of the resultant on a body; zero if the resultant is negligible."""
-        bodies = self._bodies
-        drive = bodies.resultant(body, total)
-        mine = float(sizes[bodies.dofs_of(body)].sum())
-        size, force = bodies.bulk.comm.allreduce(np.array([mine, sizes.sum()]))
-        least = max(min_drive * size, bodies.rounding(body, float(force)))
-        norm = float(np.linalg.norm(drive))
-        return drive / norm if norm > least else np.zeros(len(drive))
+    A body with contact force moves only along directions that active contact admits. Without
+    friction and adhesion, a round body may rest on its facets although the smooth body would
+    roll on. Limit analysis is therefore used in this case only for bodies that touch before
+    they have moved or carried any force.
+    """
+    total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
+    unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
+    labels = {body.label for body in unloaded}
+    reached = _reached_by_loads(bodies, bulk, float(sizes.sum()))
+    loose = [body for body in bodies.loose(sticking=False) if body.label in reached - labels]
+    driven = [(body, _drive(bodies, body, total, sizes)) for body in (*unloaded, *loose)]
+    driven = [(body, drive) for body, drive in driven if drive.any()]
+    laws = [contact.pair.law for contact in bodies.contacts]
+    if any(law.has_friction or law.has_adhesion for law in laws):
+        judged = {body.label for body, _ in driven}
+    else:
+        judged = set() if begun else labels
+    if driven and judged:
+        free = unsupported(bodies, bulk) | {body.label for body in bodies.bodies} - judged
+        driven = [(body, drive) for body, drive in driven if body.label in free]
+    return driven
 
-    def unsupported(self, bulk: Array) -> set[int]:
-        """Labels of the bodies that no admissible contact forces can support.
 
-        Args:
-            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
-        """
-        bodies = self._bodies
-        if not bodies.contacts:
-            return {body.label for body in bodies.bodies}
-        motions = self._of_bodies(unresisted_motion(*self._limit_analysis(bulk)))
-        return {label for label, move in motions.items() if np.abs(move).max() > RIGID.resisted}
+def _reached_by_loads(bodies: FloatingBodies, bulk: Array, size: float) -> set[int]:
+    """Labels of the bodies with loads, and of those that contact may pass loads on to.
 
-    def _limit_analysis(self, bulk: Array) -> tuple[Array, Touching]:
-        """Resultants of the loads on the bodies, (motions of all,) [force], and touching nodes."""
-        bodies = self._bodies
-        forces = bulk + self._pull_of_open_nodes(bulk.size)
-        loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
-        size = float(np.abs(loads).sum())
-        weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
-        pressure = size / weight if weight > 0.0 else 0.0
-        pairs = [self._touching(contact, pressure) for contact in bodies.contacts]
-        return loads, Touching(*map(np.concatenate, zip(*pairs, strict=True)))
+    The contact forces of the accepted state drive no other body: its loads have been removed.
 
-    def _of_bodies(self, motion: Array) -> dict[int, Array]:
-        """Coefficients of the motions of each body, by label, of those of all bodies (local)."""
-        bodies = self._bodies.bodies
-        ends = np.cumsum([len(body.motions) for body in bodies])[:-1]
-        return {body.label: part for body, part in zip(bodies, np.split(motion, ends), strict=True)}
+    Args:
+        bodies: The floating bodies.
+        bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+        size: Sum of the sizes of all forces on this rank [stress length].
+    """
+    groups = []
+    reached = bodies.driven_by(bulk, size)
+    for contact in bodies.contacts:
+        at = {body.label for body in bodies.bodies if bodies.at_body(contact, body).any()}
+        obstacle = contact.obstacle
+        driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
+        reached |= at if driven or contact.pair.law.has_adhesion else set()
+        groups.append(at)
+    while more := {label for at in groups if at & reached for label in at} - reached:
+        reached |= more
+    return reached
 
-    def _pull_of_open_nodes(self, size: int) -> Array:
-        """Forces of open nodes, (size,) [stress length]: adhesion across a gap is a load."""
-        force = np.zeros(size)
-        for contact in self._bodies.contacts:
-            if contact.pair.law.has_adhesion:
-                pull = np.where(contact.active[:, None], 0.0, contact.z)
-                contact.scatter_add(contact.operators.force(pull), force)
-        return force
 
-    def _touching(self, contact: Contact, pressure: float) -> Touching:
-        """Touching nodes for limit analysis, with friction at a typical pressure."""
-        on, weight, bodies = _touches(contact), contact.operators.weight, self._bodies
-        rates = [
-            np.concatenate([rate(bodies, contact, body) for body in bodies.bodies])
-            for rate in (opening, slipping)
-        ]
-        opens, slips = (np.moveaxis(rate, 0, -1)[on] for rate in rates)
-        (slope, shear), adhesion = contact.now.strength(pressure), contact.now.largest_adhesion()
-        return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
+def _drive(bodies: FloatingBodies, body: FloatingBody, total: Array, sizes: Array) -> Array:
+    """Unit direction of the resultant on a body; zero if the resultant is negligible."""
+    min_drive = RIGID.negligible if bodies.anchored else SOLVED
+    drive = bodies.resultant(body, total)
+    mine = float(sizes[bodies.dofs_of(body)].sum())
+    size, force = bodies.bulk.comm.allreduce(np.array([mine, sizes.sum()]))
+    least = max(min_drive * size, bodies.rounding(body, float(force)))
+    norm = float(np.linalg.norm(drive))
+    return drive / norm if norm > least else np.zeros(len(drive))
 
-    def _part(self, moves: Moves) -> bool:
-        """Whether bodies that move together approach no surface, nor one another (collective)."""
-        bodies, longest = self._bodies, max(_length(body, move) for body, move in moves)
-        for c in bodies.contacts:
-            rates = np.sum([move @ closing(bodies, c, body) for body, move in moves], axis=0)
-            if (rates[~c.set_aside] > RIGID.resisted * longest).any():
-                return False
-        return True
 
-    def _creeps(self, moves: Moves) -> bool:
-        """Whether all moves are shorter than the admitted overlap."""
-        longest = max((_length(body, move) for body, move in moves), default=0.0)
-        return longest <= RIGID.overlap * self._bodies.shortest_facet()
+def unsupported(bodies: FloatingBodies, bulk: Array) -> set[int]:
+    """Labels of the bodies that no admissible contact forces can support.
+
+    Args:
+        bodies: The floating bodies.
+        bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+    """
+    if not bodies.contacts:
+        return {body.label for body in bodies.bodies}
+    moves = by_body(bodies.bodies, unresisted_motion(*_limit_analysis(bodies, bulk)))
+    moved = zip(bodies.bodies, moves, strict=True)
+    return {body.label for body, move in moved if np.abs(move).max() > RIGID.resisted}
+
+
+def _limit_analysis(bodies: FloatingBodies, bulk: Array) -> tuple[Array, Touching]:
+    """Resultants of the loads on the bodies, (motions of all,) [force], and touching nodes."""
+    forces = bulk + _pull_of_open_nodes(bodies, bulk.size)
+    loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
+    size = float(np.abs(loads).sum())
+    weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
+    pressure = size / weight if weight > 0.0 else 0.0
+    pairs = [_touching(bodies, contact, pressure) for contact in bodies.contacts]
+    return loads, Touching(*map(np.concatenate, zip(*pairs, strict=True)))
+
+
+def _pull_of_open_nodes(bodies: FloatingBodies, size: int) -> Array:
+    """Forces of open nodes, (size,) [stress length]: adhesion across a gap is a load."""
+    force = np.zeros(size)
+    for contact in bodies.contacts:
+        if contact.pair.law.has_adhesion:
+            pull = np.where(contact.active[:, None], 0.0, contact.z)
+            contact.scatter_add(contact.operators.force(pull), force)
+    return force
+
+
+def _touching(bodies: FloatingBodies, contact: Contact, pressure: float) -> Touching:
+    """Touching nodes for limit analysis, with friction at a typical pressure."""
+    on, weight = _touches(contact), contact.operators.weight
+    opens, slips = (
+        np.moveaxis(rate(bodies, contact, *bodies.bodies), 0, -1)[on]
+        for rate in (opening, slipping)
+    )
+    (slope, shear), adhesion = contact.now.strength(pressure), contact.now.largest_adhesion()
+    return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
+
+
+def _part(bodies: FloatingBodies, moves: Moves) -> bool:
+    """Whether bodies that move together approach no surface, nor one another (collective)."""
+    longest = RIGID.resisted * max(_length(body, move) for body, move in moves)
+    some, lengths = zip(*moves, strict=True)
+    rates = [
+        (np.concatenate(lengths) @ closing(bodies, c, *some))[~c.set_aside] for c in bodies.contacts
+    ]
+    return not any((rate > longest).any() for rate in rates)
 
 
 def _touches(contact: Contact) -> Flags:
@@ -413,7 +391,7 @@ class FloatingBodies(BodyMotions):
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
-        held: Their rigid boundaries.
+        remote: The remote loads with motions, bound to the mesh.
 
     Attributes:
         springs: Anchored springs at the owned dofs, or ``None``.
@@ -421,32 +399,18 @@ class FloatingBodies(BodyMotions):
     """
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], held: HeldBodies | None = None
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], remote: Sequence[Any]
     ) -> None:
-        super().__init__(bulk, contacts, held)
+        super().__init__(bulk, contacts, remote)
         self.springs: Springs | None = None
-        self.settling = BodySettling(self)
+        self.settling = Settling([], bulk.values)
 
     @property
     def supported_by_contact(self) -> bool:
         """Whether active contact loads and supports all floating bodies."""
         return all(map(self.is_loaded, self.bodies)) and not self.loose()
 
-    def loose(self) -> list[FloatingBody]:
-        """Bodies with the rigid motions that neither active nor sticking nodes resist."""
-        return loose_bodies(self)
-
     # Before and after a solve
-
-    def settle(
-        self, evaluate: Callable[[], tuple[Array, Array]], give_way: Callable[[Moves], Moves] = list
-    ) -> list[str]:
-        """Move the bodies that contact cannot support until it can."""
-        self.settling.begin()
-        if not self.bodies:
-            return []
-        min_drive = RIGID.negligible if self.anchored else SOLVED
-        return self.settling.settle(evaluate, give_way, min_drive)
 
     def start_with_stick(self) -> None:
         """Let nodes stick at the start of a solve that touch without multipliers (local).
@@ -473,8 +437,6 @@ class FloatingBodies(BodyMotions):
             total: Sum of all forces, shape (owned dofs,) [stress length].
             force: Size of all forces [stress length].
         """
-        if not self.bodies:
-            return
         stiffness = {body.label: RIGID.weakest_spring * body.stiffest for body in self.bodies}
         for body in loose:
             drive = self.resultant(body, total)
@@ -508,8 +470,9 @@ class FloatingBodies(BodyMotions):
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
-        apart = self.aside | {body.label for body in self.without_pair()}
-        names = self.names([body for body in loose if body.label not in apart])
+        sides = [side for c in self.contacts for side in (c.slave, c.master)]
+        paired = set[int]().union(*(self.labels_of(side).tolist() for side in sides))
+        names = self.names([body for body in loose if body.label in paired - self.aside])
         return (
             f"a spring in the tangent regularizes {names}, which contact supports only in part"
             if names
@@ -545,38 +508,34 @@ class FloatingBodies(BodyMotions):
     @property
     def acting_springs(self) -> Springs | None:
         """The anchored springs without those of idle bodies, which only regularize the tangent."""
-        springs = self.springs
+        if self.springs is None or not self.aside:
+            return self.springs
+        stiffness = self.springs.stiffness.copy()
         for body in self.bodies:
-            if springs is not None and body.label in self.aside:
-                springs = springs.without(self.dofs_of(body))
-        return springs
+            if body.label in self.aside:
+                stiffness[self.dofs_of(body)] = 0.0
+        return self.springs.replaced(stiffness=stiffness)
 
     def add_spring_forces(self) -> None:
         """Add the forces of anchored springs to the residual."""
-        springs = self.acting_springs
-        if springs is not None:
-            self.bulk.r.array[: self.bulk.num_owned] += springs.forces(self._place())
+        if self.anchored:
+            forces, _ = self._stretched()
+            self.bulk.r.array[: self.bulk.num_owned] += forces
 
     def carried_by_springs(self) -> list[Carried]:
         """Forces of the springs on each anchored body."""
-        springs = self.acting_springs
-        if springs is None:
+        if not self.anchored:
             return []
-        forces = springs.forces(self._place())
+        (forces, _), found = self._stretched(), []
         contact = [self.contact_force(body) for body in self.bodies]
-        found = []
         for body, on_body in zip(self.bodies, contact, strict=True):
             by_springs = -self.resultant(body, forces)  # along the motion
             size = float(np.linalg.norm(by_springs))
             acts = size > self.rounding(body, sum(contact))
-            found.append(
-                Carried(
-                    self.name_of(body.label),
-                    over_contact(size if acts else 0.0, on_body),
-                    slides([(c, self.at_body(c, body)) for c in self.contacts]),
-                    body.describe(by_springs, directed=True) if acts else "",
-                )
-            )
+            nodes = [(c, self.at_body(c, body)) for c in self.contacts]
+            how = partial(body.describe, by_springs, directed=True)
+            name = self.name_of(body.label)
+            found.append(carried_by(size if acts else 0.0, on_body, name, nodes, how))
         return found
 
     def pressed_on_springs(self) -> set[int]:
@@ -594,9 +553,16 @@ class FloatingBodies(BodyMotions):
 
     def spring_energy(self) -> float:
         """Energy of the anchored springs [stress length^2]."""
+        if not self.anchored:
+            return 0.0
+        return self.bulk.comm.allreduce(0.5 * float(np.dot(*self._stretched())))
+
+    def _stretched(self) -> tuple[Array, Array]:
+        """Forces of the acting springs and their elongations, each (owned dofs,)."""
         springs = self.acting_springs
-        mine = 0.0 if springs is None else springs.energy(self._place())
-        return self.bulk.comm.allreduce(mine)
+        assert springs is not None
+        elongation = self._place() - springs.anchor
+        return springs.stiffness * elongation, elongation
 
     def max_motion(self) -> float:
         """Largest rigid motion of a body since ``anchor`` [shortest facets]."""

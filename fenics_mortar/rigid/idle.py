@@ -17,19 +17,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size, rigid_motions
-from fenics_mortar.rigid.body_motions import bonded_motions, closing, nearly_touching
+from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size
+from fenics_mortar.obstacles.rigid_motion import rigid_motions
+from fenics_mortar.rigid.body_motions import bonded_motions, by_body, closing, nearly_touching
 from fenics_mortar.rigid.complementarity import nearest_below
+from fenics_mortar.rigid.floating import unsupported
 from fenics_mortar.rigid.proximal import RIGID
-from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array, Indices
+from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
     from fenics_mortar.rigid.floating import FloatingBodies, Moves
 
 
@@ -74,12 +77,8 @@ class IdleBodies:
         bodies = self._bodies
         self._set_aside(())
         bulk, contact = evaluate()
-        force = bodies.bulk.comm.allreduce(float(np.abs(bulk).sum() + np.abs(contact).sum()))
-        self._driven = {
-            body.label
-            for body in bodies.bodies
-            if np.linalg.norm(bodies.resultant(body, bulk)) > bodies.rounding(body, force)
-        }
+        size = float(np.abs(bulk).sum() + np.abs(contact).sum())
+        self._driven = bodies.driven_by(bulk, size)
         self._unloaded = [
             body
             for body in bodies.bodies
@@ -106,7 +105,7 @@ class IdleBodies:
             return
         bulk, _ = self.evaluate(evaluate)
         others = {body.label for body in bodies.bodies} - bodies.aside
-        if bodies.aside and not (others and bodies.settling.unsupported(bulk) & others):
+        if bodies.aside and not (others and unsupported(bodies, bulk) & others):
             self._first = bodies.aside
         self._set_aside(())
 
@@ -116,26 +115,19 @@ class IdleBodies:
         Args:
             moves: Bodies with the coefficients of their motions, (motions,) each [length].
         """
-        bodies = self._bodies
-        idle = [body for body in self._unloaded if body.label in bodies.aside]
+        idle = self._idle
         if not (idle and moves):
             return moves
-        gaps, rates = self._gaps(idle)
-        on = [contact.set_aside & contact.now.covered for contact in bodies.contacts]
-        advance, lengths = (
-            np.zeros(len(gaps)),
-            [c.slave.nodal_lengths[nodes] for c, nodes in zip(bodies.contacts, on, strict=True)],
-        )
-        for body, move in moves:
-            closed = [move @ closing(bodies, c, body) for c in bodies.contacts]
-            advance += np.concatenate([c[nodes] for c, nodes in zip(closed, on, strict=True)])
-        slack = np.maximum(gaps, 0.0) + RIGID.overlap * np.concatenate(lengths)
-        ends = np.cumsum([len(body.motions) for body in idle])[:-1]
+        some, lengths = zip(*moves, strict=True)
+        rates, advance = self._rates(idle), self._rates(some) @ np.concatenate(lengths)
+        gaps = self._at_idle(lambda contact: contact.now.closing_gap)
+        sizes = self._at_idle(lambda contact: contact.slave.nodal_lengths)
+        slack = np.maximum(gaps, 0.0) + RIGID.overlap * sizes
 
         def response(fraction: float) -> Array | None:
             left = slack - fraction * advance
             found, _ = nearest_below(np.zeros(rates.shape[1]), rates, left)
-            near = found is not None and _longest(found, ends) <= self._farthest(-left)
+            near = found is not None and _longest(idle, found) <= self._farthest(-left)
             return found if near else None
 
         low, high, given = 0.0, 1.0, np.zeros(rates.shape[1])
@@ -148,7 +140,7 @@ class IdleBodies:
                 low, given = fraction, found
             fraction = 0.5 * (low + high)
         shortened = [(body, low * move) for body, move in moves]
-        return [*shortened, *zip(idle, np.split(given, ends), strict=True)]
+        return [*shortened, *zip(idle, by_body(idle, given), strict=True)]
 
     def begin(self) -> None:
         """Set the bodies aside that are idle at the start of the solve."""
@@ -220,16 +212,15 @@ class IdleBodies:
         """
         bodies, creeping = self._bodies, 0
         self._bring_home()
-        while idle := [body for body in self._unloaded if body.label in bodies.aside]:
+        while idle := self._idle:
             evaluate()
             desired = -np.concatenate([self._motion(body) for body in idle])
-            gaps, rates = self._gaps(idle)
+            gaps, rates = self._at_idle(lambda contact: contact.now.closing_gap), self._rates(idle)
             move, pressed = nearest_below(desired, rates, gaps)
-            ends = np.cumsum([len(body.motions) for body in idle])[:-1]
             farthest = self._farthest(rates @ desired - gaps)
             if creeping == RIGID.max_creeping:
                 self._readmit(idle)
-            elif move is None or _longest(move - desired, ends) > farthest:
+            elif move is None or _longest(idle, move - desired) > farthest:
                 self._readmit(_moved_by(rates[pressed], idle) or idle)
             elif (np.abs(move) <= self._digits()).all():
                 return
@@ -237,7 +228,7 @@ class IdleBodies:
                 longest = RIGID.largest_move * min(body.size for body in idle)
                 fraction = min(longest / float(np.abs(move).max()), 1.0)
                 creeping += fraction == 1.0
-                for body, coefficients in zip(idle, np.split(move, ends), strict=True):
+                for body, coefficients in zip(idle, by_body(idle, move), strict=True):
                     bodies.move(body, fraction * coefficients)
 
     def _bring_home(self) -> None:
@@ -277,11 +268,8 @@ class IdleBodies:
 
     def _readmit_enclosed(self) -> None:
         """Readmit the bodies set aside that cannot move away from all bodies that they touch."""
-        bodies = self._bodies
-        while idle := [body for body in self._unloaded if body.label in bodies.aside]:
-            near = [nearly_touching(c)[c.set_aside & c.now.covered] for c in bodies.contacts]
-            _, rates = self._gaps(idle)
-            rates = rates[np.concatenate(near)]
+        while idle := self._idle:
+            rates = self._rates(idle)[self._at_idle(nearly_touching)]
             move, pressed = nearest_below(
                 np.zeros(rates.shape[1]), rates, np.full(len(rates), -1.0)
             )
@@ -307,17 +295,19 @@ class IdleBodies:
                 return False
         return bool(contacts)
 
-    def _gaps(self, idle: Sequence[FloatingBody]) -> tuple[Array, Array]:
-        """Gaps (n,) [length] of the nodes set aside, and their closing rates (n, motions) [1]."""
-        bodies, gaps, rates = self._bodies, [np.zeros(0)], []
-        rates.append(np.zeros((0, sum(len(body.motions) for body in idle))))
-        for contact in bodies.contacts:
-            on = contact.set_aside & contact.now.covered
-            if on.any():
-                rate = np.vstack([closing(bodies, contact, body) for body in idle]).T
-                gaps.append(contact.now.closing_gap[on])
-                rates.append(rate[on])
-        return np.concatenate(gaps), np.concatenate(rates)
+    @property
+    def _idle(self) -> list[FloatingBody]:
+        """The bodies that are set aside."""
+        return [body for body in self._unloaded if body.label in self._bodies.aside]
+
+    def _at_idle(self, values: Callable[[Contact], Any]) -> Any:
+        """Values (slave nodes, ...) of the contacts at the covered nodes set aside, (n, ...)."""
+        contacts = self._bodies.contacts
+        return np.concatenate([values(c)[c.set_aside & c.now.covered] for c in contacts])
+
+    def _rates(self, some: Sequence[FloatingBody]) -> Array:
+        """Closing rates of the nodes set aside due to motions of bodies, (n, motions) [1]."""
+        return np.asarray(self._at_idle(lambda contact: closing(self._bodies, contact, *some).T))
 
     def _farthest(self, overlaps: Array) -> float:
         """Largest motion of bodies that give way, for overlaps (n,) where they were [length]."""
@@ -371,11 +361,10 @@ def _deformation(X: Array, u: Array, comm: MPI.Comm) -> Array:
 
 def _moved_by(rates: Array, idle: Sequence[FloatingBody]) -> list[FloatingBody]:
     """Idle bodies whose motions change the gaps with these rates, (n, motions of all) [1]."""
-    ends = np.cumsum([len(body.motions) for body in idle])[:-1]
-    parts = np.split(np.abs(rates).max(axis=0), ends)
+    parts = by_body(idle, np.abs(rates).max(axis=0))
     return [body for body, part in zip(idle, parts, strict=True) if part.any()]
 
 
-def _longest(moves: Array, ends: Indices) -> float:
-    """Largest norm of the moves of bodies, (motions of all bodies,), which end there [length]."""
-    return max(float(np.linalg.norm(move)) for move in np.split(moves, ends))
+def _longest(bodies: Sequence[FloatingBody], moves: Array) -> float:
+    """Largest norm of the moves of bodies, (motions of all,) [length]."""
+    return max(float(np.linalg.norm(move)) for move in by_body(bodies, moves))

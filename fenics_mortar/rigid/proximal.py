@@ -26,7 +26,7 @@ Thresholds for rigid motions, each with its unit and the reason for its value.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,7 +37,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, solve, then_solve
-from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Flags, Indices, Value
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Flags, Value
 from fenics_mortar.utils.errors import NotConvergedError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ RIGID = RigidOptions()
 
 
 class Carried(NamedTuple):
-    """Force of anchored springs on a body or obstacle.
+    """Force of anchored springs on a body or obstacle, see ``carried_by``.
 
     Attributes:
         name: Of the body or obstacle.
@@ -353,25 +353,11 @@ class Springs(Value):
 
     Attributes:
         stiffness: Stiffness of each [stress].
-        anchor: Position at which each is relaxed [length].
+        anchor: Position at which each is relaxed [length, in places also radian].
     """
 
     stiffness: Array
     anchor: Array
-
-    def without(self, dofs: Indices) -> Springs:
-        """These springs without those on some dofs (local)."""
-        stiffness = self.stiffness.copy()
-        stiffness[dofs] = 0.0
-        return self.replaced(stiffness=stiffness)
-
-    def forces(self, at: Array) -> Array:
-        """Forces of the springs at ``at``, of the shape of ``anchor`` [stress length] (local)."""
-        return self.stiffness * (at - self.anchor)
-
-    def energy(self, at: Array) -> float:
-        """Energy of the springs at ``at``, of the shape of ``anchor`` [stress length^2] (local)."""
-        return 0.5 * float((self.forces(at) * (at - self.anchor)).sum())
 
 
 def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array) -> Array:
@@ -389,11 +375,28 @@ def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array
     return np.where(forceless, RIGID.weakest_spring * stiffness, springs)
 
 
-def over_contact(springs: float, contact: float) -> float:
-    """Force of springs over the contact force [1]; inf if only springs act (local)."""
-    if contact > 0.0:
-        return springs / contact
-    return np.inf if springs > 0.0 else 0.0
+def carried_by(
+    springs: float,
+    contact: float,
+    name: str,
+    nodes: Sequence[tuple[Contact, Flags]],
+    how: Callable[[], str],
+) -> Carried:
+    """What springs carry of the force on a body or obstacle (local).
+
+    Args:
+        springs: Force of the springs [stress length].
+        contact: Contact force [stress length].
+        name: Of the body or obstacle.
+        nodes: Its contacts, each with the slave nodes that act on it, (slave nodes,).
+        how: Describes the motion by which it stretches the springs.
+    """
+    fraction = springs / contact if contact > 0.0 else np.inf if springs > 0.0 else 0.0
+    sticks, slides = (
+        any((getattr(contact, marks) & mine).any() for contact, mine in nodes)
+        for marks in ("sticking", "sliding")
+    )
+    return Carried(name, fraction, slides and not sticks, how() if springs > 0.0 else "")
 
 
 def tangent_stiffness(drive: Array, force: float) -> float:
@@ -415,13 +418,3 @@ def unresisted(responses: Array) -> Array:
     """
     norms, combinations = resistance(responses, MPI.COMM_SELF)
     return combinations[norms <= RIGID.resisted]
-
-
-def slides(nodes: Sequence[tuple[Contact, Flags]]) -> bool:
-    """Whether all nodes of a body with friction slide (local).
-
-    Args:
-        nodes: Contacts of the body, each with the slave nodes that act on it, (slave nodes,).
-    """
-    sticks = any((contact.sticking & mine).any() for contact, mine in nodes)
-    return not sticks and any((contact.sliding & mine).any() for contact, mine in nodes)

@@ -86,7 +86,7 @@ from fenics_mortar.obstacles.rigid_motion import (
     check_vector,
     describe_load,
     describe_place,
-    polar_rotation,
+    polar,
     vector_beside,
 )
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices, Numbers, norms
@@ -341,7 +341,7 @@ class BoundSpreadLoad:
         areas, dim, total = self._areas, self.motion.dim, self._areas.sum()
         self._x = self._X + here
         is_axial = self._space.is_axisymmetric  # nothing turns
-        R = np.eye(dim) if is_axial else polar_rotation(self._x.T @ (self._mass @ arms))
+        R = np.eye(dim) if is_axial else polar(self._x.T @ (self._mass @ arms))[0]
         self._turn = vector_beside(R, self._turn)
         self._v = arms @ R.T
         around = self._around(self._mass @ self._v)
@@ -415,6 +415,7 @@ class BoundSection:
     Attributes:
         tie: The tie of its faces.
         motion: Shortening and force of the user's section.
+        axis: Direction in which the slave moves into the master, shape (dim,) [1].
         arm: One, since nothing turns [length].
     """
 
@@ -425,6 +426,7 @@ class BoundSection:
         self.tie, self._pair, self.motion = tie, tie.pair, tie.pair.motion
         if not self._pair.axis.any():
             self._pair.axis = _normal_of(tie.slave)
+        self.axis: Array = self._pair.axis
 
     def bind_forces(self, bulk: Bulk, contacts: Sequence[Any]) -> None:
         """Keep the number of owned dofs: the forces are those of the tie (local)."""
@@ -442,11 +444,6 @@ class BoundSection:
     def _first(self) -> Array:
         """The motion that is the shortening, (3,), in space (6,) [1]."""
         return np.eye(self.motion.place.size)[0]
-
-    @property
-    def axis(self) -> Array:
-        """Direction in which the slave moves into the master, shape (dim,) [1] (local)."""
-        return self._pair.axis
 
     def pushed_nodes(self) -> Array:
         """The push beyond the tie's force, on both faces, (owned dofs,) [stress length] (local).
@@ -475,21 +472,12 @@ class BoundSection:
     def linearize(self, system: LinearSystem) -> Border:
         """Border of the shortening: its column in the tie's rows, and its balance (local)."""
         _, weight = self.tie.rows.frame()
-        by_z = self._by_multipliers()
-        columns, rows = (
-            np.outer(self._first, self._as_vector(values, system))
-            for values in (weight * by_z, by_z)
-        )
-        return Border(columns, rows, np.zeros((len(rows), len(rows))))
-
-    def _as_vector(self, values: Array, system: LinearSystem) -> Array:
-        """Vector (owned rows,) of ``values`` of the tie's multipliers, else zero."""
-        others = (np.zeros_like(contact.z) for contact in system.contacts)
-        z = [
-            values if c is self.tie else none
-            for c, none in zip(system.contacts, others, strict=True)
-        ]
-        return system.join(np.zeros(system.bulk.num_owned), z)
+        by_z, size, count = self._by_multipliers(), system.bulk.num_owned, self.motion.place.size
+        columns, rows = np.zeros((2, count, size + system.num_z_dofs))
+        (z_dofs,) = (z_dofs for contact, z_dofs in system.numbered() if contact is self.tie)
+        at, owned = size + system.local(self.tie, z_dofs), self.tie.slave.owned
+        columns[0, at], rows[0, at] = (weight * by_z)[owned], by_z[owned]
+        return Border(columns, rows, np.zeros((count, count)))
 
     def record(self) -> str:
         """Set the force of the user's section; return it and the shortening in words (local)."""
@@ -568,10 +556,12 @@ class BoundRigidBoundary:
         motion: The boundary of the user.
         nodes: Global numbers of its nodes, replicated, shape (n,).
         arm: Largest distance of a node from the pivot [length].
+        part: Lowest part of the mesh with a node, once ``parts_of`` has been called.
         function_space, g: Of a Dirichlet condition; it has no constant or function.
     """
 
     g = None
+    part: int
 
     def __init__(self, motion: RigidBoundary, space: DisplacementSpace) -> None:
         """Find the owned and ghost nodes of the boundary (collective)."""
@@ -583,6 +573,7 @@ class BoundRigidBoundary:
         local = index_map.local_to_global(np.arange(count, dtype=np.int32))
         here = np.flatnonzero(np.isin(local, self.nodes))
         self._nodes, self._here, self._owned = here, space.dofs[here], here < space.num_nodes
+        self._dofs: Indices = self._here[self._owned]  # owned ones, shape (k, 2)
         self._comm = surface.comm
         self._surface = surface
         self.update_reference()
@@ -598,7 +589,7 @@ class BoundRigidBoundary:
 
     def dof_indices(self) -> tuple[Numbers, int]:
         """Local dofs of the nodes, ghosts included, and the number of owned ones (local)."""
-        owned, ghosts = self._here[self._owned].ravel(), self._here[~self._owned].ravel()
+        owned, ghosts = self._dofs.ravel(), self._here[~self._owned].ravel()
         return np.concatenate([owned, ghosts]).astype(np.int32), owned.size
 
     def set(self, values: Array) -> None:
@@ -624,11 +615,6 @@ class BoundRigidBoundary:
         """
         self._bulk = bulk
         self._touching = [c for c in contacts if np.isin(c.nodes, self.nodes).any()]
-
-    @property
-    def _dofs(self) -> Indices:
-        """Owned dofs, shape (k, 2)."""
-        return self._here[self._owned]
 
     def _velocities(self) -> Array:
         """V of the owned nodes, shape (k, 3, 2) [1]."""
@@ -688,15 +674,18 @@ class BoundRigidBoundary:
 
     def motions_by(self, body: FloatingBody) -> Array:
         """The motions due to those of a floating body, shape (motions, 3) [1] (local)."""
-        velocity = body.displacement(self._pivot()[None], self._part)[:, 0]
+        velocity = body.displacement(self._pivot()[None], np.array([self.part]))[:, 0]
         dim, count = self.motion.dim, self.motion.place.size
         return np.column_stack([velocity, body.motions[:, dim:count] * (self.arm / body.size)])
 
-    def labels(self, labels: Indices) -> Indices:
-        """Bodies of the nodes, replicated, shape (n,), from those of local nodes (collective)."""
-        mine = set(labels[self._nodes].tolist())
+    def parts_of(self, parts: Indices) -> Indices:
+        """Parts of the mesh at the nodes, replicated, (n,), from those of local nodes (collective).
+
+        The first one is kept as ``part``.
+        """
+        mine = set(parts[self._nodes].tolist())
         found = np.array(sorted(set().union(*self._comm.allgather(mine))))
-        self._part = found[:1]
+        self.part = int(found[0])
         return found
 
     def record(self) -> str:

@@ -16,7 +16,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import Matrix, fields_by_shape, gap_by_offset
+from fenics_mortar.sensitivity.partials.fields import fields_by_shape, gap_by_offset
 from fenics_mortar.sensitivity.partials.history import (
     PairMemory,
     by_parameter,
@@ -24,7 +24,7 @@ from fenics_mortar.sensitivity.partials.history import (
     change_of_rows,
     parameter,
 )
-from fenics_mortar.sensitivity.protocols import Control, OnePairControl, PairControl
+from fenics_mortar.sensitivity.protocols import Control, PairControl
 from fenics_mortar.utils.errors import (
     MortarError,
     check_choice,
@@ -36,11 +36,11 @@ from fenics_mortar.utils.errors import (
 if TYPE_CHECKING:
     from fenics_mortar.contact.fluxes import Flux
     from fenics_mortar.problem import ContactProblem
-    from fenics_mortar.sensitivity.partials.fields import Changes
+    from fenics_mortar.sensitivity.partials.fields import Changes, Matrix
     from fenics_mortar.utils.arrays import Array, Flags
 
 
-class LawParameter(OnePairControl):
+class LawParameter(PairControl):
     """A parameter of the law of a pair, see ``Law.parameters``; the constructor is local.
 
     The values of a parameter that varies in space, see ``Law.fields``, are those at the slave nodes
@@ -57,11 +57,11 @@ class LawParameter(OnePairControl):
         self.name = f"{name} of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``."""
+        """Present values (local), of shape () for a single number [their unit]."""
         return parameter(contact_of(problem.equations, self.pair), self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
         law = contact_of(problem.equations, self.pair).pair.law
         check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
         new = np.array(values, float)
@@ -69,17 +69,17 @@ class LawParameter(OnePairControl):
         law.check()
 
     def rows(self, problem: ContactProblem, i: int, before: Before = None) -> Matrix:
-        """See ``PairControl``."""
+        """Derivative of the rows of pair ``i``, one of ``pairs`` (collective)."""
         return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_rows)
 
     def memory(
         self, problem: ContactProblem, i: int, memory: PairMemory, before: Before = None
     ) -> Matrix:
-        """See ``PairControl``."""
+        """Derivative of the memory of the law of pair ``i``, one of ``pairs`` (collective)."""
         return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_memory)
 
 
-class Offset(OnePairControl):
+class Offset(PairControl):
     """The nodal offsets of a pair, see ``PairView.offset``; the constructor is local.
 
     Args:
@@ -91,16 +91,16 @@ class Offset(OnePairControl):
         self.name = f"offset of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (slave nodes,) [length]."""
+        """Present values, shape (slave nodes,) [length] (local)."""
         return contact_of(problem.equations, self.pair).offset.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
         contact = contact_of(problem.equations, self.pair)
         contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
-        """See ``PairControl``."""
+        """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective)."""
         return {"gap": gap_by_offset(contact_of(problem.equations, i).operators)}
 
 
@@ -118,18 +118,18 @@ class Interference(Offset):
         self.name = f"interference of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape () [length]."""
+        """Present mean, shape () [length] (local)."""
         return np.asarray(super().get(problem).mean())
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; without effect beyond the other surface."""
+        """Set the ``values``, of the shape of ``get``; without effect beyond the other surface."""
         shift = np.asarray(values, float).item() - self.get(problem)
         super().set(problem, super().get(problem) + shift)
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
-        """See ``PairControl``."""
+        """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective)."""
         change = super().fields(problem, i)["gap"]
-        return {"gap": Matrix.dense((change @ np.ones(change.shape[1]))[:, None])}
+        return {"gap": change @ np.ones((change.shape[1], 1))}
 
 
 class ConductanceScale(OfPair, Control):
@@ -153,26 +153,26 @@ class ConductanceScale(OfPair, Control):
         raise ValueError(f"{self.name}: the pair has no such conductance")
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape () [1]."""
+        """Present scale, shape () [1] (local)."""
         return np.asarray(self._flux(problem).law.scale)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
         check_number("scale", float(values), "a positive number", lambda scale: scale > 0.0)
         self._flux(problem).law.scale = float(values)
 
     def _loads(self, problem: ContactProblem) -> Array:
-        loads = np.zeros(problem.equations.bulk.num_owned)
-        self._flux(problem).add_by_scale(loads)
+        loads, flux = np.zeros(problem.equations.bulk.num_owned), self._flux(problem)
+        flux.add(flux.now.by_conduction(flux.now.by_scale), loads)
         loads[problem.equations.bulk.prescribed_dofs] = 0.0
         return loads
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
+        """Change of the residuals along ``dm``, of the values' shape; ``before`` is not used."""
         return LinearVector(u=float(dm) * self._loads(problem))
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
+        """Gradient of residuals times ``y`` [its units]; ``before`` is not used (collective)."""
         loads = self._loads(problem)
         mine = 0.0 if y.u is None else float(y.u @ loads)
         return np.asarray(problem.equations.comm.allreduce(mine))
@@ -218,17 +218,17 @@ class _OfMotions(_OfObstacle):
         return np.isfinite(self.obstacle.load) == self.drives
 
     def pairs(self, problem: ContactProblem) -> list[int]:
-        """See ``PairControl``: none, pairs depend on motions through the state only."""
+        """None: pairs depend on motions through the state only (local)."""
         return []
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
+        """Change of the residuals along ``dm``, of the values' shape; ``before`` is not used."""
         q = np.zeros(problem.equations.motions.scales.shape)
         q[self._number(problem)] = -self._motions() @ np.where(self._mine(), dm, 0.0)
         return LinearVector(q=q)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
+        """Gradient of residuals times ``y`` [its units]; ``before`` is not used (collective)."""
         if y.q is None:
             return np.zeros(self._mine().shape)
         return np.where(self._mine(), -y.q[self._number(problem)] @ self._motions(), 0.0)
@@ -254,11 +254,11 @@ class ObstaclePlace(_OfMotions):
         super().__init__(obstacle, "place")
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (m,)."""
+        """Present place, shape (m,) [length, radian] (local)."""
         return self.obstacle.place.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; driven motions are unchanged."""
+        """Set the ``values``, of the shape of ``get``; driven motions are unchanged."""
         self.obstacle.place = np.where(self._mine(), values, self.obstacle.place)
 
     def _motions(self) -> Array:
@@ -294,11 +294,11 @@ class ObstacleLoad(_OfMotions):
         super().__init__(obstacle, "load")
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (m,), 0 for prescribed motions."""
+        """Present loads, shape (m,), 0 for prescribed motions [their unit] (local)."""
         return np.nan_to_num(self.obstacle.load)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; prescribed motions remain prescribed."""
+        """Set the ``values``, of the shape of ``get``; prescribed motions remain prescribed."""
         self.obstacle.load = np.where(self._mine(), values, np.nan)
 
 
@@ -327,18 +327,18 @@ class ObstacleShape(_OfObstacle, PairControl):
         check_choice("shape parameter", self.parameter, self.obstacle.shape())
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``."""
+        """Present values (local), of shape () for a single number [their unit]."""
         return np.array(self.obstacle.shape()[self.parameter])
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
         self.obstacle.set_shape(self.parameter, np.asarray(values, float))
 
     def pairs(self, problem: ContactProblem) -> list[int]:
-        """See ``PairControl``."""
+        """Numbers of the pairs whose rows or memory depend on it at fixed states (local)."""
         every = enumerate(problem.equations.contacts)
         return [i for i, contact in every if contact.obstacle is self.obstacle]
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
-        """See ``PairControl``."""
+        """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective)."""
         return fields_by_shape(contact_of(problem.equations, i), self.parameter)

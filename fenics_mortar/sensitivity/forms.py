@@ -33,6 +33,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+from scipy.sparse import csr_array
 
 import ufl
 from dolfinx import fem
@@ -44,7 +45,11 @@ from ufl.corealg.traversal import unique_pre_traversal
 from fenics_mortar.bulk.checks import check_subdomains
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.sensitivity.history import UNKNOWNS, PairOperator, check_exact, history_of
-from fenics_mortar.sensitivity.partials.fields import Matrix, by_positions, check_positions
+from fenics_mortar.sensitivity.partials.fields import (
+    by_positions,
+    check_positions,
+    fields_by_state,
+)
 from fenics_mortar.sensitivity.protocols import Quantity, Values
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError
@@ -79,14 +84,11 @@ class AssembledForm:
     def _vector(self) -> PETSc.Vec:
         return compat.create_vector(self._space)
 
-    def scalar(self) -> float:
-        """Value of a form of rank 0 [its unit], equal on all ranks."""
-        if self._compiled is None:
-            return 0.0
-        return self._comm.allreduce(float(fem.assemble_scalar(self._compiled)))
-
-    def vector(self) -> Array:
-        """Vector of a form of rank 1, shape (owned dofs,) [its unit]."""
+    def value(self) -> Any:
+        """Number of a form of rank 0, equal on all ranks, or vector (owned dofs,) [its unit]."""
+        if self._space is None:
+            mine = 0.0 if self._compiled is None else fem.assemble_scalar(self._compiled)
+            return self._comm.allreduce(float(mine))
         if self._compiled is None:
             return np.zeros(num_owned(self._space))
         compat.assemble_vector(self._vector, self._compiled)
@@ -104,7 +106,7 @@ class DerivativeByConstant:
     """
 
     def __init__(self, mesh: Any, form: ufl.Form, constant: fem.Constant, space: Any = None):
-        self._comm, self._space, self._constant = mesh.comm, space, constant
+        self._comm, self._constant = mesh.comm, constant
         variable = ufl.variable(constant)
         self._direction = fem.Constant(mesh, 0.0 * constant.value)
 
@@ -117,7 +119,7 @@ class DerivativeByConstant:
     def along(self, direction: Array) -> Any:
         """Derivative in a direction of its shape: a number or (owned dofs,) [its unit]."""
         self._direction.value[...] = direction
-        return self._assembled.scalar() if self._space is None else self._assembled.vector()
+        return self._assembled.value()
 
     def transposed(self, weights: Array | None = None) -> Array:
         """Derivatives with respect to all numbers of the constant, of its shape, replicated.
@@ -128,12 +130,12 @@ class DerivativeByConstant:
             weights: Weights of the values of the test function, shape (owned dofs,), of a form of
                 rank 1.
         """
-        result = np.zeros_like(self._constant.value)
-        for entry in np.ndindex(result.shape):
-            unit = np.zeros_like(result)
-            unit[entry] = 1.0
-            result[entry] = self.along(unit) if weights is None else weights @ self.along(unit)
-        return result if weights is None else self._comm.allreduce(result)
+        shape = self._constant.value.shape
+        units = np.eye(self._constant.value.size).reshape(-1, *shape)
+        changes = [self.along(unit) for unit in units]
+        if weights is None:
+            return np.reshape(changes, shape)
+        return self._comm.allreduce(np.reshape([weights @ change for change in changes], shape))
 
 
 class DerivativeByField:
@@ -160,7 +162,7 @@ class DerivativeByField:
     def along(self, direction: Array) -> Array:
         """Change of a form of rank 1 along a direction, both (owned dofs,) [unit of the form]."""
         put_owned(self._direction, direction)
-        return self._forwards.vector()
+        return self._forwards.value()
 
     def transposed(self, weights: Array | None = None) -> Array:
         """Derivatives with respect to all values, (owned dofs,) [unit of the form over theirs].
@@ -170,7 +172,7 @@ class DerivativeByField:
         """
         if weights is not None:
             put_owned(self._weights, weights)
-        return self._backwards.vector()
+        return self._backwards.value()
 
 
 def derivative_by(mesh: Any, form: ufl.Form, data: Any, space: Any = None) -> Any:
@@ -229,11 +231,11 @@ class FormQuantity(Quantity):
         return self._derivatives[data].transposed()
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """See ``Quantity``."""
-        return self._value.scalar()
+        """Value at the present state [unit of the quantity], equal on all ranks."""
+        return self._value.value()
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """See ``Quantity``."""
+        """dJ/ds_k."""
         return LinearVector(u=self._by(self._u))
 
     def depends_on(self, control: Any) -> bool:
@@ -242,7 +244,7 @@ class FormQuantity(Quantity):
         return any(data is value for value in self._data)
 
     def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
-        """See ``Quantity.by_control``."""
+        """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m]."""
         return self._by(control.data) if self.depends_on(control) else 0.0
 
 
@@ -275,7 +277,7 @@ class FormControl:
         return values.reshape(-1)
 
     @cached_property
-    def _copied(self) -> Matrix:
+    def _copied(self) -> csr_array:
         """Ones at copies of numbers in prescribed values, shape (owned dofs, local numbers)."""
         before, found = self._numbers.copy(), []
         for numbers in (np.arange(1.0, before.size + 1.0), np.zeros(before.size)):
@@ -287,12 +289,12 @@ class FormControl:
         copies = np.rint(found[0] - found[1]).astype(np.int64)
         dofs = np.flatnonzero(copies)
         shape = copies.size, before.size
-        return Matrix(dofs, copies[dofs] - 1, np.ones(dofs.size), shape)
+        return csr_array((np.ones(dofs.size), (dofs, copies[dofs] - 1)), shape=shape)
 
     @cached_property
     def occurs(self) -> bool:
         """Whether residual or prescribed values depend on the control."""
-        return self._comm.allreduce(self.is_in_residual or self._copied.values.size > 0)
+        return self._comm.allreduce(self.is_in_residual or self._copied.nnz > 0)
 
     def get(self, problem: ContactProblem) -> Array:
         """Present values, (owned dofs,) of a function, or the shape of a constant [their unit]."""
@@ -323,7 +325,10 @@ class FormControl:
         return result - self._sum_ghosts(self._copied.T @ u).reshape(result.shape)
 
     def pairs(self, problem: ContactProblem) -> list[int]:
-        """See ``PairControl``: none, pairs depend on the control through the state only."""
+        """Numbers of the pairs whose rows or memory depend on it at fixed states (local).
+
+        None, pairs depend on the control through the state only.
+        """
         return []
 
     def _with_ghosts(self, values: Array) -> Array:
@@ -358,7 +363,8 @@ class NodalPositions:
     name, is_distributed = "nodal positions", True
 
     def __init__(self) -> None:
-        self._forms: WeakKeyDictionary[Bulk, _Derivatives] = WeakKeyDictionary()
+        self._forms: WeakKeyDictionary[Bulk, dict[ufl.Form, DerivativeByField]]
+        self._forms = WeakKeyDictionary()
 
     def get(self, problem: ContactProblem) -> Array:
         """Positions in ``problem``, shape (owned dofs,) [length]; see ``Control``."""
@@ -373,27 +379,46 @@ class NodalPositions:
         """
         raise MortarError("nodes of a problem cannot be moved: set up a new one on the moved mesh")
 
-    def _of(self, problem: ContactProblem) -> _Derivatives:
+    def _of_form(self, problem: ContactProblem, form: ufl.Form, space: Any) -> DerivativeByField:
+        """Derivative of a form by the positions; ``space``: of its test function, or ``None``.
+
+        Raises:
+            MortarError: On all ranks, if the nodes of displacement and mesh differ.
+        """
         bulk = problem.equations.bulk
-        if bulk not in self._forms:
-            self._forms[bulk] = _Derivatives(bulk)
-        return self._forms[bulk]
+        V, mesh, kept = bulk.space.V, bulk.V.mesh, self._forms.setdefault(bulk, {})
+        if form not in kept:
+            nodes = compat.dofmap(V).shape[1], compat.geometry_dofmap(mesh).shape[1]
+            if bulk.space.is_mixed or nodes != 2 * (compat.num_corners(mesh),):
+                raise MortarError(
+                    "nodal positions as control need displacements of degree 1 on straight cells"
+                )
+            kept[form] = DerivativeByField(form, _positions_in(form, mesh), V, space)
+        return kept[form]
+
+    def _of_residual(self, problem: ContactProblem) -> DerivativeByField:
+        bulk = problem.equations.bulk
+        return self._of_form(problem, bulk.residual, bulk.space.V)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """Change of the residuals along ``dm``, shape (owned dofs,) [length]; see ``Control``.
 
         ``problem`` and the state ``before`` are those of a step.
         """
-        bodies = LinearVector(u=self._of(problem).residual.along(dm))
-        return ContactPositions(problem, before).jvp(dm) + _free(problem.equations, bodies)
+        bodies = LinearVector(u=self._of_residual(problem).along(dm))
+        contact = contact_by_positions(problem, before) @ LinearVector(u=dm)
+        return free(problem.equations, bodies + contact)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
         """Gradient of the product of residuals and ``y``, shape (owned dofs,) [product / length].
 
         See ``Control``; ``problem`` and the state ``before`` are those of a step.
         """
-        total, free = ContactPositions(problem, before).vjp(y), _free(problem.equations, y)
-        return total if y.u is None else total + self._of(problem).residual.transposed(free.u)
+        y = free(problem.equations, y)
+        total = contact_by_positions(problem, before).T @ y
+        if y.u is not None:
+            total = total + LinearVector(u=self._of_residual(problem).transposed(y.u))
+        return np.zeros(problem.equations.bulk.num_owned) if total.u is None else total.u
 
     def explicit(self, problem: ContactProblem, quantity: Any, before: Before = None) -> Array:
         """Derivative of a quantity at fixed displacements, shape (owned dofs,) [quantity / length].
@@ -402,86 +427,37 @@ class NodalPositions:
         """
         form = getattr(quantity, "form", None)
         if form is not None:
-            return self._of(problem).of_form(form)
+            return self._of_form(problem, form, None).transposed()
         earlier = quantity.by_before(problem, before) or LinearVector()
         total = (quantity.gradient(problem, before) + earlier).u
         return np.zeros(problem.equations.bulk.num_owned) if total is None else total
 
 
-class _Derivatives:
-    """Derivatives, with respect to positions, of the bodies' residual and of forms of rank 0.
+def contact_by_positions(problem: ContactProblem, before: Before = None) -> PairOperator:
+    """Derivative of the residuals by the positions of the nodes, contacts only (collective).
+
+    Positions are values at the dofs of the displacement. See ``partials.fields``. Rows of
+    prescribed dofs and motions, which contain no forces, are to be set to zero, see ``free``.
 
     Args:
-        bulk: The bodies.
-
-    Attributes:
-        residual: Derivative of the residual.
-
-    Raises:
-        MortarError: On all ranks, if the nodes of displacement and mesh differ.
-    """
-
-    def __init__(self, bulk: Bulk) -> None:
-        space, mesh = bulk.space, bulk.V.mesh
-        nodes = compat.dofmap(space.V).shape[1], compat.geometry_dofmap(mesh).shape[1]
-        if space.is_mixed or nodes != 2 * (compat.num_corners(mesh),):
-            raise MortarError(
-                "nodal positions as control need displacements of degree 1 on straight cells"
-            )
-        self._V = space.V
-        self.residual = self._by_positions(bulk.residual, space.V)
-        self._forms: dict[ufl.Form, DerivativeByField] = {}
-
-    def _by_positions(self, form: ufl.Form, space: Any = None) -> DerivativeByField:
-        return DerivativeByField(form, _positions_in(form, self._V.mesh), self._V, space)
-
-    def of_form(self, form: ufl.Form) -> Array:
-        """Gradient of the value of a form, (owned dofs,) [its unit / length]."""
-        if form not in self._forms:
-            self._forms[form] = self._by_positions(form)
-        return self._forms[form].transposed()
-
-
-class ContactPositions:
-    """Derivative of the residuals with respect to the positions of the nodes, contacts only.
-
-    Positions are values at the dofs of the displacement. See ``partials.fields``.
-
-    Args:
-        problem: The problem, at the end of a step, evaluated with ``EXACT``; collective.
+        problem: The problem, at the end of a step, evaluated with ``EXACT``.
         before: State at the start of the step, with friction.
 
     Raises:
         MortarError: On all ranks, if contact depends on the undeformed mesh in other ways.
     """
-
-    def __init__(self, problem: ContactProblem, before: Before = None) -> None:
-        e = self._equations = problem.equations
-        self._history = history_of(problem, before)
-        for contact in e.contacts:
-            check_positions(contact)
-            check_exact(contact)
-        matrices = {i: by_positions(contact) for i, contact in enumerate(e.contacts)}
-        self._residuals = PairOperator(e, matrices, UNKNOWNS, UNKNOWNS)
-
-    def jvp(self, dx: Array) -> LinearVector:
-        """Change of the residuals with the positions, (owned dofs,) [length] (collective)."""
-        positions = LinearVector(u=dx)
-        change = _free(self._equations, self._residuals @ positions)
-        return change if self._history is None else change + self._history.residuals @ positions
-
-    def vjp(self, y: LinearVector) -> Array:
-        """Gradient, by positions, of residuals times ``y``, (owned dofs,) (collective).
-
-        In the unit of the product over [length].
-        """
-        gradient = self._residuals.T @ _free(self._equations, y)
-        if self._history is not None:
-            gradient = gradient + self._history.residuals.T @ y
-        return np.asarray(gradient.u)
+    history, matrices = history_of(problem, before), {}
+    for i, contact in enumerate(problem.equations.contacts):
+        check_positions(contact)
+        check_exact(contact)
+        matrices[i] = by_positions(contact)
+        if history is not None and i in history.pairs:
+            rows = fields_by_state(contact, ["z"])["z"].T
+            matrices[i] = matrices[i] + rows @ history.pairs[i].rows
+    return PairOperator(problem.equations, matrices, UNKNOWNS, UNKNOWNS)
 
 
-def _free(e: ContactEquations, x: LinearVector) -> LinearVector:
+def free(e: ContactEquations, x: LinearVector) -> LinearVector:
     """Zeros at prescribed dofs and motions: their rows contain no forces (local)."""
     prescribed = e.bulk.prescribed[: e.bulk.num_owned]
     u = None if x.u is None else np.where(prescribed, 0.0, x.u)

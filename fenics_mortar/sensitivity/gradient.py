@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,14 +51,12 @@ from fenics_mortar.sensitivity.objective import (
     find_kinks,
     flat_remarks,
     last,
-    nearest,
-    path_of_state,
     quantities_of,
     read,
     status_of,
     total,
 )
-from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.errors import MortarError, together
 from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
@@ -129,7 +128,7 @@ class Gradient:
     @property
     def nearest_change(self) -> Kink | None:
         """The node nearest to a change of its set, ``None`` without contact."""
-        return nearest(list(self.kinks))
+        return min(self.kinks, key=attrgetter("distance"), default=None)
 
 
 def in_own_space(control: Any, values: Array) -> Any:
@@ -187,42 +186,33 @@ def recorded(path: Any) -> RecordedPath:
         MortarError: If there is no state.
     """
     if isinstance(path, ContactProblem):
-        return path_of_state(path)
+        path = RecordedPath(path)
+        path.start = None  # slip is counted from a fixed state
+        path.record()
     if not isinstance(path, RecordedPath):
         raise ValueError(f"path={path!r}: expected a RecordedPath or a solved ContactProblem")
-    path.check()
+    if not path.steps:
+        raise MortarError("the path has no steps: call record() after each solve")
     return path
 
 
-class Step:
-    """Derivatives of the equations of a step of a path; constructor and methods are collective.
+def visit(path: RecordedPath, number: int) -> tuple[Before, StepMemory]:
+    """Go to a step of a path (collective).
 
-    Args:
-        path: The path.
-        number: Number of the step.
-
-    Attributes:
-        before: ``StepHistory`` of the state before, if residuals depend on it and it is a step of
-            the path; otherwise this state.
-        kinks: See ``find_kinks``.
-        memory: Derivatives of the memory of laws.
+    Returns:
+        ``StepHistory`` of the state before, of the first step this state, which is fixed; and the
+        derivatives of the memory of laws.
     """
+    path.go_to(number)
+    state = path.before(number)
+    before = StepHistory(path.problem, state) if number and state is not None else state
+    return before, StepMemory(path.problem, before)
 
-    def __init__(self, path: RecordedPath, number: int) -> None:
-        path.go_to(number)
-        problem = self._problem = path.problem
-        state = path.before(number)
-        self.before: Before = state
-        if number and state is not None:
-            history = StepHistory(problem, state)
-            self.before = history if history.pairs else state
-        self.kinks = find_kinks(problem, number)
-        self.memory = StepMemory(problem, self.before)
 
-    def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
-        """Solve with the tangent A = dR/ds, or with its transpose."""
-        self._problem.equations.bulk.free_garbage()
-        return LinearizedEquations(self._problem.equations).solve(rhs, transpose=transpose)
+def _solved(problem: ContactProblem, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
+    """Solve with the tangent A = dR/ds of the present step, or with its transpose (collective)."""
+    problem.equations.bulk.free_garbage()
+    return LinearizedEquations(problem.equations).solve(rhs, transpose=transpose)
 
 
 def _backwards(
@@ -244,15 +234,14 @@ def _backwards(
             for parts, control in zip(by_step, controls, strict=True):
                 parts.insert(0, np.zeros_like(control.get(problem)))
             continue
-        step = Step(path, number)
-        before, memory = step.before, step.memory
-        kinks[:0] = step.kinks
+        before, memory = visit(path, number)
+        kinks[:0] = find_kinks(problem, number)
         statuses.append([status_of(contact) for contact in problem.equations.contacts])
         weighted = [(w, q) for w, q in zip(weights[number], quantities, strict=True) if w]
-        rhs = carried + memory.by_state.T @ by_memory if by_memory else carried
+        rhs = carried + memory.by_state.T @ by_memory
         for weight, quantity in weighted:
             rhs = rhs + quantity.gradient(problem, before) * weight
-        y = step.solve(rhs, transpose=True)
+        y = _solved(problem, rhs, transpose=True)
         for parts, control in zip(by_step, controls, strict=True):
             change = -control.vjp(problem, y, before)
             if by_memory:
@@ -260,16 +249,13 @@ def _backwards(
             for weight, quantity in weighted:
                 change = change + weight * explicit(problem, quantity, control, before)
             parts.insert(0, change)
-        if number:
-            carried = LinearVector()
+        carried = LinearVector()
+        if isinstance(before, StepHistory):
             for weight, quantity in weighted:
                 carried = carried + (quantity.by_before(problem, before) or LinearVector()) * weight
-            if isinstance(before, StepHistory):
-                carried = carried + before.residuals.T @ (y * -1.0)
-            if by_memory:
-                carried = carried + memory.by_earlier.T @ by_memory
-            of_rows = memory.residuals.T @ (y * -1.0)
-            by_memory = added([memory.by_before.T @ by_memory, of_rows])
+            carried = carried + before.residuals.T @ (y * -1.0) + memory.by_earlier.T @ by_memory
+        of_rows = memory.residuals.T @ (y * -1.0)
+        by_memory = added(memory.by_before.T @ by_memory, of_rows)
     return by_step, kinks, statuses
 
 
@@ -467,19 +453,18 @@ def _forwards(
     kinks: list[Kink] = []
     dh: Memories = {}
     for number, directions in enumerate(along):
-        step = Step(path, number)
-        before, memory = step.before, step.memory
+        before, memory = visit(path, number)
         earlier = states[-1] if states else LinearVector()
-        kinks += step.kinks
+        kinks += find_kinks(problem, number)
         pairs = list(zip(controls, directions, strict=True))
         forces = sum((c.jvp(problem, dm, before) for c, dm in pairs), memory.residuals @ dh)
-        if states and isinstance(before, StepHistory):
+        if isinstance(before, StepHistory):
             forces = forces + before.residuals @ earlier
-        states.append(step.solve(forces * -1.0))
+        states.append(_solved(problem, forces * -1.0))
         if number < len(path.steps) - 1:
             by_states = [memory.by_state @ states[-1], memory.by_earlier @ earlier]
             by_controls = [memory.by_control(control) @ dm for control, dm in pairs]
-            dh = added([*by_states, memory.by_before @ dh, *by_controls])
+            dh = added(*by_states, memory.by_before @ dh, *by_controls)
         for i, quantity in enumerate(quantities):
             change = quantity.gradient(problem, before).dot(states[-1], problem.equations.comm)
             by_before = quantity.by_before(problem, before) if states[:-1] else None

@@ -16,9 +16,11 @@ therefore the transposed operator has the transposed matrices and the two kinds 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -27,17 +29,23 @@ from fenics_mortar.contact.arcs import LEADS
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
-from fenics_mortar.sensitivity.partials.fields import Layout, fields_by_state, through_fields
-from fenics_mortar.sensitivity.partials.history import Earlier, history_of_pair, memory_of_pair
+from fenics_mortar.obstacles.rigid_motion import at_place
+from fenics_mortar.sensitivity.partials.fields import (
+    Layout,
+    Matrix,
+    fields_by_state,
+    through_fields,
+)
+from fenics_mortar.sensitivity.partials.history import history_of_pair, memory_of_pair
 from fenics_mortar.utils.arrays import ROUNDING, Array
 from fenics_mortar.utils.errors import MortarError, check_number
 from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.equations.general import ContactEquations, State
     from fenics_mortar.problem import ContactProblem
-    from fenics_mortar.sensitivity.partials.fields import Matrix
     from fenics_mortar.sensitivity.partials.history import PairHistory
 
 
@@ -72,12 +80,10 @@ class PairOperator:
 
     def __matmul__(self, x: Any) -> Any:
         """Product with a vector (collective)."""
-        e, parts = self.equations, {}
-        for i, matrix in self.matrices.items():
-            part = self.source.at(e, i, x)
-            if part is not None:
-                parts[i] = matrix @ part
-        return self.target.collect(e, parts)
+        e, matrices = self.equations, self.matrices
+        parts = {i: self.source.at(e, i, x) for i in matrices}
+        products = {i: matrices[i] @ part for i, part in parts.items() if part is not None}
+        return self.target.collect(e, products)
 
     @property
     def T(self) -> PairOperator:
@@ -109,7 +115,9 @@ def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> Array:
 
 
 def from_pairs(equations: ContactEquations, parts: dict[int, Array]) -> LinearVector:
-    """Sum of values at pairs: transpose of ``at_pair`` (local)."""
+    """Sum of values at pairs: transpose of ``at_pair``; without parts if there are none (local)."""
+    if not parts:
+        return LinearVector()
     u, q = np.zeros(equations.bulk.num_owned), np.zeros(equations.motions.scales.shape)
     z = [np.zeros_like(contact.z) for contact in equations.contacts]
     for i, values in parts.items():
@@ -200,20 +208,6 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
     return contact
 
 
-def refuse_fluxes(contact: Any, name: str) -> None:
-    """Raise an error for a control on which fluxes across a contact depend (local).
-
-    Raises:
-        MortarError: On all ranks.
-    """
-    if contact.fluxes:
-        raise MortarError(
-            f"{name}: fluxes across {contact.pair!r} have no derivative by this control; those by "
-            "constants and functions of the residual, parameters of laws, obstacles' motions and "
-            "ConductanceScale are available"
-        )
-
-
 def check_exact(contact: Any) -> None:
     """Raise an error if the operators of a contact lack derivatives (local, equal on all ranks).
 
@@ -225,8 +219,7 @@ def check_exact(contact: Any) -> None:
         if (contact.now.decreases_fast & contact.attracted).any():
             raise MortarError(
                 "adhesion that decreases fast with the gap has no derivative with "
-                "sliding='small': expected "
-                "sliding='finite'"
+                "sliding='small': expected sliding='finite'"
             )
     elif terms != EXACT:
         raise MortarError(f"operators with {terms}: derivatives of a solution need {EXACT}")
@@ -261,8 +254,7 @@ class StepHistory:
         for i, contact in enumerate(e.contacts):
             if isinstance(contact, Contact) and has_history(contact):
                 check_exact(contact)
-                earlier = earlier_state_of(e, i, contact, before)
-                self.pairs[i] = history_of_pair(contact, earlier)
+                self.pairs[i] = history_of_pair(contact, fields_before(e, i, contact, before))
         rows = {i: pair.rows for i, pair in self.pairs.items()}
         self.residuals = PairOperator(e, rows, UNKNOWNS, ROWS)
 
@@ -294,51 +286,32 @@ class StepMemory:
     Args:
         problem: The problem, at the end of a step, evaluated with ``EXACT``.
         before: ``StepHistory`` of the step; any other value if the state before is fixed.
+
+    Attributes:
+        residuals: Derivative of the residuals with respect to the memory before.
+        by_before: Derivative of the memory with respect to the memory before.
+        by_state: Derivative of the memory with respect to the state at the end of the step.
+        by_earlier: Derivative of the memory with respect to the state before.
     """
 
     def __init__(self, problem: ContactProblem, before: Before) -> None:
-        self._problem, self._equations, self._before = problem, problem.equations, before
-        self._history = before.pairs if isinstance(before, StepHistory) else {}
+        e, history = problem.equations, before.pairs if isinstance(before, StepHistory) else {}
+        self._problem, self._before = problem, before
         self._pairs = {
             i: memory_of_pair(contact)
-            for i, contact in enumerate(self._equations.contacts)
+            for i, contact in enumerate(e.contacts)
             if isinstance(contact, Contact) and contact.pair.law.memory
         }
-
-    @cached_property
-    def residuals(self) -> PairOperator:
-        """Derivative of the residuals with respect to the memory before."""
-        return self._operator({i: pair.rows for i, pair in self._pairs.items()}, BY_PAIR, ROWS)
-
-    @cached_property
-    def by_before(self) -> PairOperator:
-        """Derivative of the memory with respect to the memory before."""
-        matrices = {i: pair.by_before for i, pair in self._pairs.items()}
-        return self._operator(matrices, BY_PAIR, BY_PAIR)
-
-    @cached_property
-    def by_state(self) -> PairOperator:
-        """Derivative of the memory with respect to the state at the end of the step."""
-        matrices = {}
+        rows, own, by_state, by_earlier = (dict[int, Matrix]() for _ in range(4))
         for i, pair in self._pairs.items():
-            changes = fields_by_state(self._equations.contacts[i], pair.by_fields)
-            matrices[i] = through_fields(pair.by_fields, changes)
-        return self._operator(matrices, UNKNOWNS, BY_PAIR)
-
-    @cached_property
-    def by_earlier(self) -> PairOperator:
-        """Derivative of the memory with respect to the state before."""
-        matrices = {
-            i: through_fields(pair.by_fields, self._history[i].fields)
-            for i, pair in self._pairs.items()
-            if i in self._history
-        }
-        return self._operator(matrices, UNKNOWNS, BY_PAIR)
-
-    def _operator(
-        self, matrices: dict[int, Matrix], source: Vectors, target: Vectors
-    ) -> PairOperator:
-        return PairOperator(self._equations, matrices, source, target)
+            rows[i], own[i], by = pair.rows, pair.by_before, pair.by_fields
+            by_state[i] = through_fields(by, fields_by_state(e.contacts[i], by))
+            if i in history:
+                by_earlier[i] = through_fields(by, history[i].fields)
+        self.residuals = PairOperator(e, rows, BY_PAIR, ROWS)
+        self.by_before = PairOperator(e, own, BY_PAIR, BY_PAIR)
+        self.by_state = PairOperator(e, by_state, UNKNOWNS, BY_PAIR)
+        self.by_earlier = PairOperator(e, by_earlier, UNKNOWNS, BY_PAIR)
 
     def by_control(self, control: Any) -> PairOperator:
         """Derivative of the memory with respect to a control at fixed states.
@@ -346,25 +319,25 @@ class StepMemory:
         Raises:
             MortarError: If a law has memory, and the control has no derivative of it.
         """
-        pairs = getattr(control, "pairs", None)
+        problem, pairs = self._problem, getattr(control, "pairs", None)
         if pairs is None and self._pairs:
             raise MortarError(
                 f"{control.name}: no derivative through the memory of the law of pair "
                 f"{min(self._pairs)}; expected a law without memory, or another control"
             )
-        numbers = [i for i in pairs(self._problem) if i in self._pairs] if pairs else []
-        given = self._before
-        found = {i: control.memory(self._problem, i, self._pairs[i], given) for i in numbers}
-        return self._operator(found, values_of(control.get(self._problem).shape), BY_PAIR)
+        found = {
+            i: control.memory(problem, i, self._pairs[i], self._before)
+            for i in (pairs(problem) if pairs else ())
+            if i in self._pairs
+        }
+        values = values_of(control.get(problem).shape)
+        return PairOperator(problem.equations, found, values, BY_PAIR)
 
 
-def added(memories: Iterable[Memories]) -> Memories:
+def added(*memories: Memories) -> Memories:
     """Sum of changes of memories, or of gradients; pairs that are missing have zeros (local)."""
-    total: Memories = {}
-    for memory in memories:
-        for i, values in memory.items():
-            total[i] = total[i] + values if i in total else values
-    return total
+    numbers = dict.fromkeys(chain(*memories))
+    return {i: np.sum([each[i] for each in memories if i in each], axis=0) for i in numbers}
 
 
 def has_history(contact: Any) -> bool:
@@ -375,34 +348,40 @@ def has_history(contact: Any) -> bool:
     return bool(law.has_friction or law.memory or law.needs_nodal_state)
 
 
-def earlier_state_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:
-    """State before of pair ``i``; its partners have to be those of the step (collective).
+def fields_before(e: ContactEquations, i: int, contact: Contact, before: State) -> ContactFields:
+    """Nodal fields of pair ``i`` in the state before, with all derivatives (collective).
+
+    The contact and its obstacle are not changed.
 
     Raises:
         MortarError: On all ranks, if slip is counted from another state.
     """
-    place = None
-    if contact.obstacle is not None:
-        place = before.places[e.motions.obstacles.index(contact.obstacle)]
-    earlier = Earlier(contact, before.u, before.interfaces[i], place)
-    with earlier.at_earlier_position():
-        found = contact.partners_at(earlier.fields)
+    state, obstacle = before.interfaces[i], contact.obstacle
+    there: AbstractContextManager[None] = nullcontext()
+    if obstacle is not None:
+        there = at_place(obstacle, before.places[e.motions.obstacles.index(obstacle)])
+    with there:
+        operators, _ = copy(contact.evaluation).evaluate(before.u, state, EXACT)
+        if state.offset.any():
+            operators = operators.minus_offset(state.offset)
+        then: ContactFields = type(contact.now)(contact, state, operators)
+        found = contact.partners_at(then)
     o, given = contact.operators, contact.partners
     counts = contact.active | contact.pair.law.bridges_gap  # slip of others is of no effect
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o))[counts].max(initial=0.0)
     difference = max(difference, np.abs(found.slip(o) - given.slip(o))[counts].max(initial=0.0))
     difference = agreed(e.comm, float(difference))
-    if not difference <= ROUNDING * contact.slave.extent and given.led is not None:
+    if difference <= ROUNDING * contact.slave.extent:
+        return then
+    if given.led is not None:
         raise MortarError(
             f"the bodies of {contact.pair!r} turned and carried nodes into contact: slip is "
             "counted from there, and its derivative by the state before is not available; take "
             f"steps in which bodies turn by less than {np.degrees(LEADS):.2f} degrees"
         )
-    if not difference <= ROUNDING * contact.slave.extent:
-        raise MortarError(
-            f"the slip of {contact.pair!r} is not counted from the state before, but from one "
-            f"that differs by {difference:.3g}: bodies or obstacles were moved before the solve, "
-            "or the shape of an obstacle was changed; call accept() at the start of the path, so "
-            "that slip is counted from there"
-        )
-    return earlier
+    raise MortarError(
+        f"the slip of {contact.pair!r} is not counted from the state before, but from one "
+        f"that differs by {difference:.3g}: bodies or obstacles were moved before the solve, "
+        "or the shape of an obstacle was changed; call accept() at the start of the path, so "
+        "that slip is counted from there"
+    )

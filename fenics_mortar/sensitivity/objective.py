@@ -60,7 +60,7 @@ from fenics_mortar.sensitivity.controls import LawParameter
 from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
 from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
+from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags
 from fenics_mortar.utils.errors import (
     MortarError,
     RaisedElsewhereError,
@@ -86,8 +86,8 @@ class RecordedStep:
 
     Attributes:
         state: The state.
-        data: Values of the constants and functions of the forms, of any shape [their units], see
-            ``Data``.
+        data: Values of the constants and functions of residual, conditions and laws except the
+            displacement, of any shape [their units].
         laws: Attributes of the laws and conductances of the contacts.
         shapes: Parameters of the shape of each obstacle by name [their units].
         loads: Forces and moments that drive the obstacles, shape (m,) each, nan where prescribed
@@ -101,47 +101,10 @@ class RecordedStep:
     loads: tuple[Array, ...]
 
 
-class Data:
-    """Constants and functions of residual, conditions and laws except the displacement; local.
-
-    Args:
-        problem: The problem.
-        more: Further constants and functions.
-    """
-
-    def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
-        settings = map(vars, _settings(problem))
-        given = [value for values in settings for value in values.values()]
-        of_laws = [value for value in given if isinstance(value, (fem.Constant, fem.Function))]
-        bulk = problem.equations.bulk
-        objects = dict.fromkeys([*bulk.data, *of_laws, *more])
-        conditions = [compat.condition_numbers(bc) for bc in bulk.bcs]
-        self._arrays = [*map(_array_of, objects), *conditions]
-
-    def values(self) -> tuple[Array, ...]:
-        """Copies of the present values, of the shapes and units of the data [any]."""
-        return tuple(np.array(numbers) for numbers in self._arrays)
-
-    def put(self, values: Sequence[Array]) -> None:
-        """Set all values, of the shapes of the data."""
-        for numbers, value in zip(self._arrays, values, strict=True):
-            numbers[...] = value
-
-
 def _settings(problem: ContactProblem) -> list[Any]:
     """Laws and conductances of the contacts (local)."""
     pairs = [contact.pair for contact in problem.equations.floating.contacts]
     return [setting for pair in pairs for setting in (pair.law, *pair.fluxes)]
-
-
-def _copies(values: dict[str, Any]) -> dict[str, Any]:
-    """Attributes with copies of arrays (local)."""
-    return {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in values.items()}
-
-
-def _array_of(data: Any) -> Array:
-    """The numbers of a constant or function, not a copy (local)."""
-    return data.value if isinstance(data, fem.Constant) else data.x.array
 
 
 class RecordedPath:
@@ -185,7 +148,12 @@ class RecordedPath:
         motions = problem.equations.motions
         refuse_remote([*motions.remote, *motions.spread], "gradients are not implemented")
         refuse_history(problem.equations.bulk, "the gradient of a path")
-        self.problem, self._data = problem, Data(problem, also)
+        self.problem, bulk = problem, problem.equations.bulk
+        values = [value for setting in _settings(problem) for value in vars(setting).values()]
+        of_laws = [value for value in values if isinstance(value, (fem.Constant, fem.Function))]
+        data = dict.fromkeys([*bulk.data, *of_laws, *also])
+        self._data = [d.value if isinstance(d, fem.Constant) else d.x.array for d in data]
+        self._data += map(compat.condition_numbers, bulk.bcs)
         self.start: State | None = problem.state()
         self.steps: list[RecordedStep] = []
 
@@ -204,10 +172,15 @@ class RecordedPath:
 
     def present(self) -> RecordedStep:
         """Record of the present state."""
-        laws = tuple(_copies(vars(setting)) for setting in _settings(self.problem))
+        laws = tuple(
+            {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in vars(setting).items()}
+            for setting in _settings(self.problem)
+        )
         shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
         loads = tuple(obstacle.load.copy() for obstacle in self.problem.obstacles)
-        return RecordedStep(self.problem.state(), self._data.values(), laws, shapes, loads)
+        return RecordedStep(
+            self.problem.state(), tuple(map(np.array, self._data)), laws, shapes, loads
+        )
 
     def before(self, number: int) -> State | None:
         """State before the step ``number``."""
@@ -219,15 +192,16 @@ class RecordedPath:
         self.problem.restore(self.steps[number].state)
 
     def _put_values(self, step: RecordedStep) -> None:
-        self._data.put(step.data)
+        for array, numbers in zip(self._data, step.data, strict=True):
+            array[...] = numbers
         for setting, values in zip(_settings(self.problem), step.laws, strict=True):
             vars(setting).update(values)
         for contact in self.problem.equations.floating.contacts:
             contact.adopt_law()
-        for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
+        obstacles = zip(self.problem.obstacles, step.loads, step.shapes, strict=True)
+        for obstacle, load, shape in obstacles:
             if not np.array_equal(obstacle.load, load, equal_nan=True):
                 obstacle.load = load
-        for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
             for name, now in obstacle.shape().items():
                 if not np.array_equal(now, shape[name]):
                     obstacle.set_shape(name, shape[name])
@@ -252,23 +226,6 @@ class RecordedPath:
             self._put_values(present)
             before.revert(renew=renew)
             equations.bulk.r.array[:] = residual
-
-    def check(self) -> None:
-        """Reject a path without steps (local).
-
-        Raises:
-            MortarError: If nothing was recorded.
-        """
-        if not self.steps:
-            raise MortarError("the path has no steps: call record() after each solve")
-
-
-def path_of_state(problem: ContactProblem) -> RecordedPath:
-    """Path of the present state alone; the state at the start of the step is fixed (collective)."""
-    path = RecordedPath(problem)
-    path.start = None
-    path.record()
-    return path
 
 
 def check_solved(problem: ContactProblem) -> None:
@@ -630,22 +587,12 @@ def find_kinks(problem: ContactProblem, step: int) -> list[Kink]:
         kinks = [
             Kink(float(distance[j]), step, pair, int(j), tuple(contact.slave.X[j].tolist()), change)
             for change, distance in _distances(contact).items()
-            for j in _nearest_nodes(distance)
+            for j in np.flatnonzero(distance <= max(KINK, distance.min(initial=np.inf)))
+            if np.isfinite(distance[j])
         ]
         undecided = [kink for kink in kinks if kink.is_undecided]
         found += undecided or sorted(kinks, key=attrgetter("distance"))[:1]
     return found
-
-
-def nearest(kinks: list[Kink]) -> Kink | None:
-    """The kink of the smallest distance, ``None`` without contact (local)."""
-    return min(kinks, key=attrgetter("distance"), default=None)
-
-
-def _nearest_nodes(distance: Array) -> Indices:
-    """Nodes on the kink, or the nearest one; none if no node can change."""
-    limit = max(KINK, float(distance.min(initial=np.inf)))
-    return np.flatnonzero((distance <= limit) & np.isfinite(distance))
 
 
 def _distances(contact: Contact) -> dict[Change, Array]:
@@ -657,22 +604,18 @@ def _distances(contact: Contact) -> dict[Change, Array]:
     largest = float(pressure.max(initial=0.0)) or 1.0
     undecided = np.zeros(active.size, bool)
     undecided[contact.undecided] = True
-    found: dict[Change, Array] = {
-        "opens": _where(active, pressure / largest),
-        "closes": _where(covered & ~active, np.abs(now.mean_gap) / now.nodal_lengths),
-        "cover": _where(undecided, np.zeros(active.size)),
+    found: dict[Change, tuple[Flags, Array]] = {
+        "opens": (active, pressure / largest),
+        "closes": (covered & ~active, np.abs(now.mean_gap) / now.nodal_lengths),
+        "cover": (undecided, np.zeros(active.size)),
     }
     if isinstance(law, Friction):
         limit = np.asarray(now.friction_limit(now.z_n))
         limited = active & (limit > 0.0) & np.isfinite(limit)
         shear = np.abs(now.z_tau) / np.where(limited, limit, 1.0)
-        found["slides"] = _where(limited & now.sticking, np.abs(1.0 - shear))
-        found["sticks"] = _where(limited & now.sliding, np.abs(now.slip) / now.nodal_lengths)
-    return found
-
-
-def _where(applies: Flags, distance: Array) -> Array:
-    return np.where(applies, distance, np.inf)
+        found["slides"] = limited & now.sticking, np.abs(1.0 - shear)
+        found["sticks"] = limited & now.sliding, np.abs(now.slip) / now.nodal_lengths
+    return {change: np.where(*where, np.inf) for change, where in found.items()}
 
 
 def status_of(contact: Interface) -> Status:

@@ -22,6 +22,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import add
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
@@ -40,7 +42,6 @@ from fenics_mortar.sensitivity.history import (
     from_pairs,
     history_of,
     interface_of,
-    refuse_fluxes,
     values_of,
 )
 from fenics_mortar.sensitivity.partials.fields import (
@@ -51,7 +52,7 @@ from fenics_mortar.sensitivity.partials.fields import (
     through_fields,
 )
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import check_number
+from fenics_mortar.utils.errors import MortarError, check_number
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
@@ -152,53 +153,41 @@ class Combined(ContactQuantity):
         self.parts, self._function, self._derivative = list(parts), function, derivative
 
     def check(self) -> None:
-        """See ``Quantity``."""
+        """Check the arguments, in a call made on all ranks (local)."""
         for part in self.parts:
             part.check()
 
     def check_dimension(self, dim: int) -> None:
-        """See ``ContactQuantity``."""
+        """Check vectors among the arguments for ``dim`` coordinates, as ``check`` (local)."""
         for part in self.parts:
             part.check_dimension(dim)
 
     def _values(self, problem: ContactProblem, before: Before) -> Array:
         return np.array([part.value(problem, before) for part in self.parts])
 
-    def _chain(
-        self, derivative: Callable[[Any], Any], zero: Any, problem: ContactProblem, before: Before
-    ) -> Any:
-        """Chain rule: sum of derivatives of the quantities times partial derivatives."""
+    def _chain(self, each: Sequence[Any], problem: ContactProblem, before: Before) -> Any:
+        """Chain rule: sum of derivatives of the quantities times those of the function."""
         factors = map(float, self._derivative(self._values(problem, before)))
-        return sum(
-            (derivative(part) * f for f, part in zip(factors, self.parts, strict=True)), zero
-        )
+        return reduce(add, (part * by for part, by in zip(each, factors, strict=True)))
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """See ``Quantity``."""
+        """Value at the present state [unit of the quantity], equal on all ranks."""
         return float(self._function(self._values(problem, before)))
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """See ``Quantity``."""
-        zero = LinearVector()
-        return self._chain(lambda part: part.gradient(problem, before), zero, problem, before)
+        """dJ/ds_k."""
+        each = [part.gradient(problem, before) for part in self.parts]
+        return self._chain(each, problem, before)
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """See ``Quantity``."""
-        zero = LinearVector()
-        return self._chain(
-            lambda part: part.by_before(problem, before) or zero, zero, problem, before
-        )
+        """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
+        each = [part.by_before(problem, before) or LinearVector() for part in self.parts]
+        return self._chain(each, problem, before)
 
     def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
-        """See ``Quantity``."""
-        return self._chain(
-            lambda part: part.by_control(problem, control, before), 0.0, problem, before
-        )
-
-    def depends_on(self, control: Any) -> bool:
-        """Whether a control occurs in one of the quantities (local)."""
-        depends = (getattr(part, "depends_on", lambda _: False) for part in self.parts)
-        return any(depends_on(control) for depends_on in depends)
+        """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m]."""
+        each = [part.by_control(problem, control, before) for part in self.parts]
+        return self._chain(each, problem, before)
 
 
 class PairQuantity(OfPair, ContactQuantity):
@@ -209,19 +198,15 @@ class PairQuantity(OfPair, ContactQuantity):
     """
 
     @abstractmethod
-    def _of(self, contact: Any) -> float:
-        """Value."""
-
-    @abstractmethod
-    def _by_fields(self, contact: Any) -> ByFields:
-        """Derivatives with respect to nodal fields."""
+    def _of(self, contact: Any) -> tuple[float, ByFields]:
+        """Value, and its derivatives with respect to nodal fields."""
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """See ``Quantity``."""
-        return self._of(interface_of(problem.equations, self.pair))
+        """Value at the present state [unit of the quantity], equal on all ranks."""
+        return self._of(interface_of(problem.equations, self.pair))[0]
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """See ``Quantity``."""
+        """dJ/ds_k."""
         contact = interface_of(problem.equations, self.pair)
         return from_pairs(problem.equations, {self.pair: self._by_state(contact)})
 
@@ -229,12 +214,12 @@ class PairQuantity(OfPair, ContactQuantity):
         """Derivative with respect to the present state, a vector of the pair."""
         if isinstance(contact, Contact):
             check_exact(contact)
-        by = self._by_fields(contact)
+        by = self._of(contact)[1]
         return through(by, fields_by_state(contact, by))
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """See ``Quantity``."""
-        by = self._by_fields(interface_of(problem.equations, self.pair))
+        """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
+        by = self._of(interface_of(problem.equations, self.pair))[1]
         history = history_of(problem, before) if "slip" in by else None
         if history is None or self.pair not in history.pairs:
             return None
@@ -242,13 +227,16 @@ class PairQuantity(OfPair, ContactQuantity):
         return from_pairs(problem.equations, {self.pair: gradient})
 
     def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:
-        """See ``Quantity``; for controls that change nodal fields."""
+        """Explicit derivative dJ/dm at fixed states, of the shape of m [unit of J / unit of m].
+
+        For controls that change nodal fields.
+        """
         if not hasattr(control, "fields") or self.pair not in control.pairs(problem):
             return 0.0
         changes = control.fields(problem, self.pair, before)
         if not changes:
             return 0.0
-        by = self._by_fields(interface_of(problem.equations, self.pair))
+        by = self._of(interface_of(problem.equations, self.pair))[1]
         return through(by, changes).reshape(control.get(problem).shape)
 
 
@@ -309,12 +297,16 @@ class Control(Protocol):
         """
 
 
-class PairControl(Control):
-    """Control of m numbers that acts on the rows of pairs, by nodal fields unless overridden."""
+class PairControl(OfPair, Control):
+    """Control of m numbers that acts on the rows of pairs, by nodal fields unless overridden.
 
-    @abstractmethod
+    Args:
+        pair: Number of the pair.
+    """
+
     def pairs(self, problem: ContactProblem) -> list[int]:
         """Numbers of the pairs whose rows or memory depend on it at fixed states (local)."""
+        return [self.pair]
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective).
@@ -335,7 +327,12 @@ class PairControl(Control):
         """
         contact = contact_of(problem.equations, i)
         check_exact(contact)
-        refuse_fluxes(contact, self.name)
+        if contact.fluxes:
+            raise MortarError(
+                f"{self.name}: fluxes across {contact.pair!r} have no derivative by this control; "
+                "those by constants and functions of the residual, parameters of laws, obstacles' "
+                "motions and ConductanceScale are available"
+            )
         return through_fields(rows_by_fields(contact), self.fields(problem, i, before))
 
     def memory(
@@ -364,24 +361,12 @@ class PairControl(Control):
         return PairOperator(problem.equations, matrices, values_of(self.get(problem).shape), ROWS)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``."""
+        """Change of the residuals along ``dm``, of the values' shape [their unit] (collective)."""
         return self.residuals(problem, before) @ np.asarray(dm, float)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``."""
+        """Gradient of the scalar product of residuals and ``y`` [its units] (collective)."""
         return self.residuals(problem, before).T @ y
-
-
-class OnePairControl(OfPair, PairControl):
-    """Control that acts on one pair.
-
-    Args:
-        pair: Number of the pair.
-    """
-
-    def pairs(self, problem: ContactProblem) -> list[int]:
-        """See ``PairControl``."""
-        return [self.pair]
 
 
 class TotalForce(PairQuantity):
@@ -397,17 +382,13 @@ class TotalForce(PairQuantity):
         self.direction = direction
 
     def check_dimension(self, dim: int) -> None:
-        """See ``ContactQuantity``."""
+        """Check vectors among the arguments for ``dim`` coordinates, as ``check`` (local)."""
         check_vector("direction", self.direction, dim)
 
-    def _of(self, contact: Interface) -> float:
-        """See ``PairQuantity``."""
-        return float(contact.total_force @ np.asarray(self.direction, float))
-
-    def _by_fields(self, contact: Interface) -> ByFields:
-        """See ``PairQuantity``."""
+    def _of(self, contact: Interface) -> tuple[float, ByFields]:
         weight, direction = contact.operators.weight, np.asarray(self.direction, float)
-        return {"weight": -contact.z @ direction, "z": -weight[:, None] * direction}
+        by = {"weight": -contact.z @ direction, "z": -weight[:, None] * direction}
+        return float(contact.total_force @ direction), by
 
 
 class Moment(PairQuantity):
@@ -426,7 +407,7 @@ class Moment(PairQuantity):
         self.about, self.axis = about, axis
 
     def check_dimension(self, dim: int) -> None:
-        """See ``ContactQuantity``."""
+        """Check vectors among the arguments for ``dim`` coordinates, as ``check`` (local)."""
         self._line(dim)
 
     def _line(self, dim: int) -> tuple[Array, Array | None]:
@@ -441,13 +422,12 @@ class Moment(PairQuantity):
             raise ValueError(f"axis={self.axis!r}: expected {expected}")
         return about, None if self.axis is None else check_direction("axis", self.axis)
 
-    def _of(self, contact: Interface) -> float:
-        """See ``PairQuantity``."""
-        return moment(contact, *self._line(contact.slave.dim))
+    def _of(self, contact: Interface) -> tuple[float, ByFields]:
+        """Value, and its derivatives with respect to nodal fields.
 
-    def _by_fields(self, contact: Interface) -> ByFields:
-        """See ``PairQuantity``: no control changes the moment at a fixed state."""
-        return {}
+        No control changes the moment at a fixed state.
+        """
+        return moment(contact, *self._line(contact.slave.dim)), {}
 
     def _by_state(self, contact: Interface) -> Array:
         return moment_gradient(contact, *self._line(contact.slave.dim))
@@ -470,14 +450,10 @@ class PressureFunctional(PairQuantity):
         super().__init__(pair)
         self._function, self._derivative = function, derivative
 
-    def _of(self, contact: Contact) -> float:
-        """See ``PairQuantity``."""
-        return float(contact.operators.weight @ self._function(contact.now.z_n))
-
-    def _by_fields(self, contact: Contact) -> ByFields:
-        """See ``PairQuantity``."""
+    def _of(self, contact: Contact) -> tuple[float, ByFields]:
         p, weight = contact.now.z_n, contact.operators.weight
-        return {"weight": self._function(p), "z_n": weight * self._derivative(p)}
+        f = self._function(p)
+        return float(weight @ f), {"weight": f, "z_n": weight * self._derivative(p)}
 
 
 class PressureIntegral(PressureFunctional):
@@ -493,7 +469,7 @@ class PressureIntegral(PressureFunctional):
         super().__init__(pair, lambda p: p**power, lambda p: power * p ** (power - 1))
 
     def check(self) -> None:
-        """See ``ContactQuantity``."""
+        """Check the arguments, in a call made on all ranks (local)."""
         super().check()
         check_number("power", self.power, "at least 1", lambda n: n >= 1, whole=True)
 
@@ -513,42 +489,25 @@ class PeakPressure(PairQuantity):
         self.power = power
 
     def check(self) -> None:
-        """See ``ContactQuantity``."""
+        """Check the arguments, in a call made on all ranks (local)."""
         super().check()
         check_number("power", self.power, "more than 1", lambda P: 1.0 < P < np.inf)
 
-    def _parts(self, contact: Contact) -> tuple[Array, float, float, float]:
-        """Pressures over the largest one, largest pressure, sum of weights, mean of the powers."""
+    def _of(self, contact: Contact) -> tuple[float, ByFields]:
+        """Value, and its derivatives with respect to nodal fields.
+
+        Derivatives are zero without pressure.
+        """
         weight, p = contact.operators.weight, np.maximum(contact.now.z_n, 0.0)
-        largest = float(p.max()) or 1.0
-        total = float(weight.sum())
-        return p / largest, largest, total, float(weight @ (p / largest) ** self.power) / total
-
-    def _of(self, contact: Contact) -> float:
-        """See ``PairQuantity``."""
-        _, largest, _, mean = self._parts(contact)
-        return float(largest * mean ** (1.0 / self.power))
-
-    def _by_fields(self, contact: Contact) -> ByFields:
-        """See ``PairQuantity``; zero without pressure."""
-        p, largest, total, mean = self._parts(contact)
+        largest, total = float(p.max()) or 1.0, float(weight.sum())
+        p = p / largest
+        mean = float(weight @ p**self.power) / total
+        value = float(largest * mean ** (1.0 / self.power))
         if mean == 0.0:
-            return {"weight": p}
+            return value, {"weight": p}
         by_mean = mean ** (1.0 / self.power - 1.0) / total
         by_weight = largest / self.power * by_mean * (p**self.power - mean)
-        weight = contact.operators.weight
-        return {"weight": by_weight, "z_n": by_mean * weight * p ** (self.power - 1.0)}
-
-
-def _check_nodes(nodes: Any) -> None:
-    """Reject values that are not numbers of slave nodes (local).
-
-    Raises:
-        ValueError: If they are not numbers from 0 on.
-    """
-    numbers = np.asarray(nodes)
-    if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or not numbers.size or numbers.min() < 0:
-        raise ValueError(f"nodes={nodes!r}: expected numbers of slave nodes, from 0 on")
+        return value, {"weight": by_weight, "z_n": by_mean * weight * p ** (self.power - 1.0)}
 
 
 class MeanGap(PairQuantity):
@@ -564,34 +523,29 @@ class MeanGap(PairQuantity):
         self.nodes = nodes
 
     def check(self) -> None:
-        """See ``ContactQuantity``."""
+        """Check the arguments, in a call made on all ranks (local)."""
         super().check()
-        if self.nodes is not None:
-            _check_nodes(self.nodes)
+        nodes = np.asarray(0 if self.nodes is None else self.nodes)
+        if self.nodes is not None and (
+            nodes.dtype.kind not in "iu" or nodes.ndim != 1 or not nodes.size or nodes.min() < 0
+        ):
+            raise ValueError(f"nodes={self.nodes!r}: expected numbers of slave nodes, from 0 on")
 
-    def _counts(self, contact: Contact) -> Array:
-        counts = contact.covered.astype(float)
+    def _of(self, contact: Contact) -> tuple[float, ByFields]:
+        """Value, and its derivatives with respect to nodal fields.
+
+        Nan if none of the nodes is covered.
+        """
+        o, counts = contact.operators, contact.covered.astype(float)
         if self.nodes is not None:
             if np.max(self.nodes) >= counts.size:
                 raise ValueError(
                     f"nodes: pair {self.pair} has the slave nodes 0 to {counts.size - 1}"
                 )
-            chosen = np.zeros_like(counts)
-            chosen[np.asarray(self.nodes)] = 1.0
-            counts = counts * chosen
-        return counts
-
-    def _of(self, contact: Contact) -> float:
-        """See ``PairQuantity``; nan if none of the nodes is covered."""
-        o, counts = contact.operators, self._counts(contact)
+            counts *= np.isin(np.arange(counts.size), self.nodes)
         total = float(counts @ o.weight)
-        return float(counts @ o.gap) / total if total else np.nan
-
-    def _by_fields(self, contact: Contact) -> ByFields:
-        """See ``PairQuantity``."""
-        counts = self._counts(contact)
-        total = float(counts @ contact.operators.weight) or 1.0
-        return {"weight": -self._of(contact) / total * counts, "gap": counts / total}
+        mean, size = float(counts @ o.gap) / total if total else np.nan, total or 1.0
+        return mean, {"weight": -mean / size * counts, "gap": counts / size}
 
 
 class FrictionWork(PairQuantity):
@@ -603,16 +557,12 @@ class FrictionWork(PairQuantity):
         pair: Number of the pair.
     """
 
-    def _of(self, contact: Contact) -> float:
-        """See ``PairQuantity``."""
-        return contact.now.friction_work
-
-    def _by_fields(self, contact: Contact) -> ByFields:
-        """See ``PairQuantity``."""
+    def _of(self, contact: Contact) -> tuple[float, ByFields]:
         w, z_tau, slip, f = contact.operators.weight, contact.z_tau, contact.slip, contact.now
         gap = z_tau * f.slip_by_gap
         weight = z_tau * slip - gap * f.mean_gap
-        return {"weight": weight, "gap": gap, "z_tau": w * slip, "slip": w * z_tau}
+        by = {"weight": weight, "gap": gap, "z_tau": w * slip, "slip": w * z_tau}
+        return f.friction_work, by
 
 
 class ContactLength(PairQuantity):
@@ -625,13 +575,9 @@ class ContactLength(PairQuantity):
         pair: Number of the pair.
     """
 
-    def _of(self, contact: Contact) -> float:
-        """See ``PairQuantity``."""
-        return float(contact.operators.weight @ contact.active)
-
-    def _by_fields(self, contact: Contact) -> ByFields:
-        """See ``PairQuantity``."""
-        return {"weight": contact.active.astype(float)}
+    def _of(self, contact: Contact) -> tuple[float, ByFields]:
+        active = contact.active.astype(float)
+        return float(contact.operators.weight @ active), {"weight": active}
 
 
 def effective_length(pair: int) -> ContactQuantity:

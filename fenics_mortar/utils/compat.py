@@ -18,7 +18,6 @@ import importlib.util
 import inspect
 import logging
 import os
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -34,12 +33,11 @@ import numpy.typing as npt
 import basix
 import dolfinx.fem.petsc
 import ufl
-import ufl.corealg
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from ufl.algorithms import compute_form_data
 
-from fenics_mortar.utils.errors import MeshError, MortarError, check_kind, check_number
+from fenics_mortar.utils.errors import MortarError, check_kind, check_number
 
 if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Indices, Numbers
@@ -130,7 +128,7 @@ def _world_ranks(comm: MPI.Comm) -> tuple[int, ...]:
     return tuple(comm.allgather(MPI.COMM_WORLD.rank))
 
 
-# PETSc, gmsh and the form compiler
+# PETSc and the form compiler
 
 
 def _is_reported(record: logging.LogRecord) -> bool:
@@ -181,27 +179,6 @@ def own_options(function: Callable) -> dict[str, dict]:
     return {name: {} for name in names if name in inspect.signature(function).parameters}
 
 
-def free_forms() -> None:
-    """Let UFL free the forms that it has differentiated (local).
-
-    In Python 3.13.0 and 3.13.1 ``functools.singledispatchmethod`` keeps all its objects alive, by a
-    cache whose values refer to their keys (CPython issue 127750). UFL's rules since 2025.1 use it:
-    no mesh would be freed, nor its nine communicators, of which MPICH has 2048. The cache is
-    replaced by ``None``, by which Python itself turns it off.
-    """
-    module = getattr(ufl.corealg, "dag_traverser", None)
-    rules = [] if module is None else [module.DAGTraverser]
-    while rules:
-        rule = rules.pop()
-        rules += rule.__subclasses__()
-        for method in vars(rule).values():
-            if getattr(method, "_method_cache", None) is not None:
-                method._method_cache = None
-
-
-free_forms()
-
-
 def scalar_is_complex() -> bool:
     """Whether PETSc was built with complex scalars (local)."""
     return np.issubdtype(PETSc.ScalarType, np.complexfloating)
@@ -224,60 +201,6 @@ def option_is_used(name: str) -> bool:
     options_used = petsc_function("PetscOptionsUsed", POINTER, ctypes.c_char_p, POINTER)
     options_used(None, name.encode(), ctypes.byref(used))
     return bool(used.value)
-
-
-def gmsh_is_initialized(gmsh: Any) -> bool:
-    """Whether the module ``gmsh`` has been initialized (local).
-
-    Release 4.8 has no ``isInitialized``: before initialization any call fails and prints an error,
-    which is hidden.
-    """
-    if hasattr(gmsh, "isInitialized"):
-        return bool(gmsh.isInitialized())
-    with _no_error_output():
-        try:
-            return gmsh.logger.getWallTime() >= 0.0
-        except Exception:  # gmsh raises Exception itself
-            return False
-
-
-def cure_of_gmsh(error: Exception) -> str:
-    """What to install after an ``import gmsh`` that failed with ``error`` (local).
-
-    The wheel needs libraries of a desktop, which it does not bring.
-    """
-    if isinstance(error, ImportError):
-        return "install gmsh: by apt-get install python3-gmsh (Debian), or pip install gmsh"
-    return (
-        "gmsh's wheel needs libraries of the system; as root: apt-get install libglu1-mesa libgl1 "
-        "libxcursor1 libxft2 libxinerama1 libgomp1 (Debian, Ubuntu), or dnf install mesa-libGLU "
-        "mesa-libGL libXcursor libXft libXinerama libgomp (Fedora)"
-    )
-
-
-def missing_gmsh(purpose: str, error: Exception) -> MeshError:
-    """The error to raise after an ``import gmsh`` that failed with ``error`` (local).
-
-    Args:
-        purpose: What gmsh is needed for, as "to read 'a.msh'".
-        error: The error of the import.
-    """
-    cure = cure_of_gmsh(error)
-    return MeshError(f"the Python module gmsh is needed {purpose}: {error}; {cure}")
-
-
-@contextmanager
-def _no_error_output() -> Iterator[None]:
-    """Context without standard error of this process, also of compiled libraries (local)."""
-    sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 # Meshes and function spaces
@@ -655,19 +578,6 @@ def condition_numbers(bc: Any) -> Array:
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """
     return bc.g.value if hasattr(bc.g, "value") else bc.g.x.array
-
-
-@quiet_compiler()
-def interpolate_expression(function: fem.Function, expression: ufl.core.expr.Expr) -> None:
-    """Interpolate a UFL expression into ``function`` and update its ghosts (collective).
-
-    ``element.interpolation_points`` became a property in 0.10. The expression has to contain at
-    least one function, constant or coordinate of the mesh.
-    """
-    points = function.function_space.element.interpolation_points
-    points = points() if callable(points) else points
-    function.interpolate(fem.Expression(expression, points, **own_options(fem.Expression)))
-    function.x.scatter_forward()
 
 
 @quiet_compiler()

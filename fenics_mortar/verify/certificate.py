@@ -226,7 +226,7 @@ class Certificate(Markdown):
 
 def certify(
     contacts: Sequence[Contact | Tie], floating: FloatingBodies, unbalanced: Array,
-    inside: Sequence[Indices] | None = None,
+    inside: Sequence[Indices],
 ) -> Certificate:  # fmt: skip
     """Measure the present state (collective).
 
@@ -234,8 +234,7 @@ def certify(
         contacts: The pairs, evaluated there.
         floating: The bodies, with the residual of the bulk at the present state.
         unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
-        inside: In space, global numbers of the nodes of the bodies of each pair inside another body
-            of it, ascending.
+        inside: Global numbers of the nodes of each pair inside another body of it, ascending.
 
     Raises:
         Exception: An error of a user's law, raised on all ranks.
@@ -243,12 +242,11 @@ def certify(
     bulk, pairs = floating.bulk, list[PairCertificate]()
     paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(paired_nodes, contacts)]))
     inverted, _ = bulk.inverted_cells()
-    of_pairs: Sequence[Indices | None] = [None] * len(contacts) if inside is None else inside
-    for contact, nodes in zip(contacts, of_pairs, strict=True):
+    for contact, nodes in zip(contacts, inside, strict=True):
         kind: Kind = "of_tie" if isinstance(contact, Tie) else "of_contact"
         measured: Any = contact
         if isinstance(contact, Contact):
-            measured = Measured(contact, bulk, floating.labels, paired, nodes)
+            measured = Measured(contact, paired, nodes)
         found = [each for check in checks(kind, bulk.space.dim) for each in check(measured)]
         names = f"{contact.slave.name} - {contact.master.name}"
         pairs.append(PairCertificate(names, tuple(found)))

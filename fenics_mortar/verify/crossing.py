@@ -12,8 +12,8 @@ the limits are those of the penetration of a pair, and smaller without a pair: `
 ``passages``.
 
 Cost on two blocks (``demos.studies.performance.crossing``): 0.9 ms with 10,500 unknowns (1.9 % of a
-Newton iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200
-segments 2 ms, rotated by more than 1 degree 10 ms.
+Newton iteration), 2.6 ms with 161,000 (0.4 %), and about as much for the step. Many bodies cost
+more: 30 bricks with 1,200 segments 10 ms.
 
 Crossed surfaces in space: bodies that overlap in a state, and passages in a step.
 
@@ -38,15 +38,22 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import extract_hull, extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
+from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
-from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import AcceptedPositions, LedBodies, RigidPath, StepEnds
+from fenics_mortar.verify.finding import LIMITS, Crossing, paired_nodes
+from fenics_mortar.verify.node_paths import (
+    AcceptedPositions,
+    LedBodies,
+    RigidPath,
+    StepEnds,
+    motion_of,
+)
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,
     are_folds,
-    deepest_point,
+    depths_of_obstacle,
     slides_little,
 )
 from fenics_mortar.verify.passages import Passages, found_either_way
@@ -60,7 +67,7 @@ from fenics_mortar.verify.space_admitted import (
     find_overlaps,
     remark_of,
 )
-from fenics_mortar.verify.space_passages import SpaceObstacles, SpacePassages, SpacePaths
+from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths, obstacles_in_space
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -128,22 +135,26 @@ class Crossings:
     def find(self) -> list[Crossing]:
         """Deepest crossings of each pair of outlines, or outline and obstacle, at present.
 
-        Of two outlines up to two: one between the sides of a pair, and one elsewhere.
+        Of two outlines up to two: one between the sides of a pair, and one elsewhere; in space one
+        for each ``Kind``.
         """
         x = self._positions()
-        found = self._between_bodies(x)
-        for pair, contact in enumerate(self._contacts):
-            if isinstance(contact, Contact) and contact.obstacle is not None:
-                deepest = deepest_point(contact, self.outline, self._slaves[pair], x)
-                if deepest.facets > 0.0:
-                    sides = (
-                        self._names.segment(deepest.segment),
-                        f"obstacle '{contact.obstacle.name}'",
-                    )
-                    admitted = self._admitted.at_obstacle(x, deepest.segment, pair)
-                    where = format_point(deepest.point)
-                    found.append(Crossing(sides, where, *deepest[:2], *admitted))
+        found = [*self._between_bodies(x), *self._at_obstacles(x)]
         return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def _at_obstacles(self, x: Array) -> Iterator[Crossing]:
+        """The deepest point of the obstacle of each pair in bodies with nodes at ``x`` (n, 2)."""
+        for pair, contact in enumerate(self._contacts):
+            if not isinstance(contact, Contact) or contact.obstacle is None:
+                continue
+            depths, at, segments = depths_of_obstacle(contact, self.outline, self._slaves[pair], x)
+            facets = depths / self.outline.lengths(x)[segments]
+            if facets.size:
+                k = int(facets.argmax())
+                sides = self._names.segment(segments[k]), f"obstacle '{contact.obstacle.name}'"
+                admitted = self._admitted.at_obstacle(x, segments[k], pair)
+                measures = float(depths[k]), float(facets[k])
+                yield Crossing(sides, format_point(at[k]), *measures, *admitted)
 
     def wrong_at_start(self) -> list[str]:
         """Crossings of bodies, deeper than admitted, in the last accepted state, as text."""
@@ -151,7 +162,7 @@ class Crossings:
         return [str(crossing) for crossing in found if crossing.facets > crossing.admitted]
 
     def _between_bodies(self, x: Array) -> list[Crossing]:
-        """See ``find``: crossings of outlines with nodes at ``x`` (n, 2)."""
+        """Crossings of outlines with nodes at ``x`` (n, 2), see ``find``."""
         rows, found = self._crossings(x, self._allowed(x)), list[Crossing]()
         rows = rows[~self._are_meaningless(x, rows)]
         paired = self._admitted.are_paired(rows)
@@ -166,15 +177,33 @@ class Crossings:
 
         Overlaps of the mesh are left out, except those between surfaces in contact.
         """
-        for pair, k in _firsts(self._bodies_in(rows), rows[:, 2] / admitted).items():
-            row, limit = rows[k], float(admitted[k])
-            in_contact = self._admitted.are_in_contact(row[None])[0]
-            excused = 0.0 if in_contact else self._excused.get(pair, 0.0)
-            facets = float(row[2]) - excused
-            if facets > 0.0:
-                sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
-                where, depth = format_point(row[4:]), float(row[3])
-                yield Crossing(sides, where, depth, facets, limit, are_paired)
+        in_contact = self._admitted.are_in_contact(rows)
+        bodies = self._bodies_in(rows)
+        for k, facets in self._deepest(bodies, rows[:, 2], admitted, in_contact):
+            row = rows[k]
+            sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
+            measures = float(row[3]), facets, float(admitted[k])
+            yield Crossing(sides, format_point(row[4:]), *measures, are_paired)
+
+    def _deepest(
+        self, bodies: Indices, facets: Array, limits: Array, in_contact: Flags
+    ) -> Iterator[tuple[int, float]]:
+        """Numbers of the deepest overlaps of each two bodies over their limits, and their depths.
+
+        Args:
+            bodies: The two bodies of each overlap, ascending, shape (k, 2).
+            facets: Depths, shape (k,) [facets].
+            limits: Admitted depths, shape (k,) [facets].
+            in_contact: Whether they are between surfaces in contact, shape (k,), bool; of others
+                those of the mesh are subtracted.
+
+        Yields:
+            Number, and a positive depth [facets].
+        """
+        for pair, k in _firsts(bodies, facets / limits).items():
+            depth = float(facets[k]) - (0.0 if in_contact[k] else self._excused.get(pair, 0.0))
+            if depth > 0.0:
+                yield k, depth
 
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
         """Folds of bodies with linear strains and small sliding, see ``overlap``, (k,), bool."""
@@ -197,7 +226,7 @@ class Crossings:
         return np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
 
     def _as_meshed(self) -> dict[Bodies, float]:
-        """See ``_excuse``."""
+        """Overlaps that the mesh has, see ``_excuse``."""
         X = self.outline.X
         rows = self._crossings(X, np.zeros(len(X)))
         rows = rows[~self._admitted.are_in_contact(rows)]
@@ -247,9 +276,28 @@ class Crossings:
             np.maximum.at(allowed, nodes, np.repeat(overlap[admits], counts))
         return allowed
 
-    def nodes_inside(self) -> list[Indices] | None:
-        """``None``: in the plane, cells tell which nodes are inside other bodies."""
-        return None
+    def nodes_inside(self) -> list[Indices]:
+        """Nodes of both surfaces of each pair inside another body of it, global numbers.
+
+        Only of nodes without partner in any pair; tied bodies are one body.
+        """
+        o, x, bodies, found = self.outline, self._positions(), self.led.bodies, []
+        of_segments = bodies[o.segments[:, 0]]
+        alone = ~np.isin(
+            o.nodes, np.concatenate([np.empty(0, int), *map(paired_nodes, self._contacts)])
+        )
+        for contact, slaves in zip(self._contacts, self._slaves, strict=True):
+            at = np.concatenate([slaves, o.indices_of(contact.master.nodes)])
+            inside = np.zeros(at.size, bool)
+            for body in np.unique(bodies[at]):
+                mine = of_segments == body
+                ends = x[o.segments[mine]].reshape(-1, 2)
+                near = ((x[at] >= ends.min(axis=0)) & (x[at] <= ends.max(axis=0))).all(axis=1)
+                others = np.flatnonzero(near & alone[at] & (bodies[at] != body))
+                given = x, o.segments[mine], of_segments[mine], body, x[at[others]]
+                inside[others] |= depths_inside(*given)[:, 0] > 0.0
+            found.append(np.unique(o.nodes[at[inside]]))
+        return found
 
     def _bodies_of(self, surface: Curve) -> set[int]:
         """Bodies of a surface; tied bodies count separately."""
@@ -336,20 +384,17 @@ class SpaceCrossings(Crossings):
     extract = staticmethod(extract_hull)
 
     def _prepare(self) -> None:
-        """See ``Crossings``."""
         self._in_space = SpaceAdmitted(self.outline, self._contacts)
         self._found_at: tuple[Array, Overlaps] | None = None
         self._excused = self._as_meshed()
         self._through = SpacePassages(self.outline, self._names, self._excused)
-        self._obstacles = SpaceObstacles(
-            self.outline, self._contacts, self._slaves, self._names, self._in_space
-        )
+        given = self.outline, self._names, self._in_space
+        self._obstacles = obstacles_in_space(self._contacts, self._slaves, *given)
 
-    def find(self) -> list[Crossing]:
-        """See ``Crossings``: of two bodies up to one for each ``Kind``."""
-        x = self._positions()
-        found = [*self._between_bodies(x), *self._obstacles.find(x, self._prescribed)]
-        return sorted(found, key=lambda crossing: -crossing.facets)
+    def _at_obstacles(self, x: Array) -> Iterator[Crossing]:
+        """The deepest point of each obstacle in each body, over its limit, for each ``Kind``."""
+        for obstacle in self._obstacles:
+            yield from obstacle.find(x, self._prescribed)
 
     def _between_bodies(self, x: Array) -> list[Crossing]:
         overlaps, across = self._in_space.measured(x, self._overlaps(x))
@@ -391,24 +436,20 @@ class SpaceCrossings(Crossings):
     ) -> Iterator[Crossing]:
         """The deepest of the overlaps of each two bodies, over their ``limits`` (k,)."""
         in_contact = self._in_space.are_in_contact(overlaps)
-        pairs = _firsts(self._bodies_of_overlaps(overlaps), facets / limits)
-        for bodies, k in pairs.items():
-            excused = 0.0 if in_contact[k] else self._excused.get(bodies, 0.0)
-            depth = float(facets[k]) - excused
-            if depth > 0.0:
-                sides = (
-                    self._names.node(int(overlaps.nodes[k, 0])),
-                    self._names.segment(int(overlaps.triangles[k])),
-                )
-                where = format_point(overlaps.points[k])
-                measures = float(overlaps.depths[k]), depth, float(limits[k])
-                hint = self._in_space.hint(kind, _OTHER_ROLES)
-                is_across = bool(across[k])
-                told = hint + ACROSS * is_across, ALWAYS if is_across else remark_of(kind)
-                yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, *told)
+        bodies = self._bodies_of_overlaps(overlaps)
+        for k, depth in self._deepest(bodies, facets, limits, in_contact):
+            sides = (
+                self._names.node(int(overlaps.nodes[k, 0])),
+                self._names.segment(int(overlaps.triangles[k])),
+            )
+            where = format_point(overlaps.points[k])
+            measures = float(overlaps.depths[k]), depth, float(limits[k])
+            hint = self._in_space.hint(kind, _OTHER_ROLES) + ACROSS * bool(across[k])
+            remark = ALWAYS if across[k] else remark_of(kind)
+            yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, hint, remark)
 
     def _as_meshed(self) -> dict[Bodies, float]:
-        """See ``Crossings``: overlap of bodies in the mesh [facets]."""
+        """Overlap of bodies in the mesh [facets]."""
         hull = self.outline
         overlaps = find_overlaps(hull, hull.X)
         self._refuse_double_cover(overlaps)
@@ -456,17 +497,23 @@ class SpaceCrossings(Crossings):
         ]
 
     def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
-        """See ``Crossings``; of bodies that values turn in space the other sense is examined."""
+        """Messages on passages, and if there are none on possible ones.
+
+        Of bodies that values turn in space the other sense is examined.
+        """
         ends = self._ends(places, self._known())
         if ends.at_rest:
             return [], []
         resolution = LIMITS.coarse_distance * float(self.outline.lengths(ends.x1).min())
-        motions = self._obstacles.motions(ends.before, places)
+        moved = list(zip(self._obstacles, ends.before, places, strict=True))
+        motions = {each.label: motion_of(each.obstacle, *both) for each, *both in moved}
 
         def messages(backwards: Collection[int]) -> list[str]:
             paths = SpacePaths(ends, self.outline.bodies, motions, resolution, backwards)
             found = [] if ends.bodies_rest else self._through.find(paths)
-            return found + self._obstacles.passages(paths, self._through, ends.before)
+            for obstacle, place, _ in moved:
+                found += obstacle.passages(paths, self._through, place)
+            return found
 
         doubtful, found = ends.doubtful, messages(())
         return found_either_way(found, "sense", messages(doubtful)) if doubtful else (found, [])

@@ -20,7 +20,6 @@ from fenics_mortar.utils.arrays import HALF_FACET, SOLVED, Array, Indices
 from fenics_mortar.utils.ranks import any_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.tied import Tie
 
@@ -156,18 +155,13 @@ class Measured:
 
     Attributes:
         contact: The pair.
-        bulk: The bodies.
-        labels: Body of each local node, shape (local nodes,).
         paired: Global numbers of the nodes with a partner in any pair, ascending.
-        inside: In space, global numbers of the nodes of the bodies of the pair inside another body
-            of it, ascending.
+        inside: Global numbers of nodes of the pair inside another body of it, ascending.
     """
 
     contact: Contact
-    bulk: Bulk
-    labels: Indices
     paired: Indices
-    inside: Indices | None = None
+    inside: Indices
 
     @cached_property
     def pressure(self) -> Array:

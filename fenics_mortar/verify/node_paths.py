@@ -36,7 +36,7 @@ import numpy as np
 
 from fenics_mortar.contact.arcs import LEADS, Carried, rotated_by
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.obstacles.rigid_motion import TURNS, polar_rotation, rotation_by, vector_of
+from fenics_mortar.obstacles.rigid_motion import TURNS, polar, rotation_by, vector_of
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import (
     ROUNDING,
@@ -133,7 +133,8 @@ class LedBodies:
             for contact in contacts
         ]
         self.sides: set[tuple[int, int]] = set().union(*self._of_pairs)
-        self.may_turn = bool(self.sides) and self._vary(len(led))
+        sizes = [compat.prescribed_value(bc).size for bc in bulk.bcs]
+        self.may_turn = bool(self.sides) and (0 in sizes or len(sizes) > len(led))
         known = np.isin(self._parts, list(floating.leaders))
         self._known = set(self.bodies[known].tolist())
         names = sorted(led - self._known) if self.may_turn else []
@@ -151,11 +152,6 @@ class LedBodies:
     def _of(self, surface: Surface) -> list[int]:
         """Numbers of the bodies of a surface, none for an obstacle."""
         return sorted(set(self._floating.labels_of(surface).astype(np.int64).tolist()))
-
-    def _vary(self, num_led: int) -> bool:
-        """Whether values may be those of a rotation, not one constant for each body."""
-        sizes = [compat.prescribed_value(bc).size for bc in self._bulk.bcs]
-        return 0 in sizes or len(sizes) > num_led
 
     def turns(self, x0: Array, x1: Array, stretched: float = np.inf) -> Turns:
         """Rotations of the prescribed nodes of bodies between two positions; see ``turn_of``.
@@ -267,8 +263,7 @@ class LedBodies:
         With friction or wear only; see ``messages``.
         """
         x0, x1 = accepted.x, self._positions()
-        pairs = zip(self._contacts, self._of_pairs, strict=True)
-        of_pairs = sorted(set().union(*(sides for c, sides in pairs if _rubs(c))))
+        of_pairs = self._rubbing()
         turns, notes = self.doubtful(x0, x1, ROUNDING) if of_pairs else {}, list[str]()
         for sides in of_pairs:
             turn = self.relative(sides, turns)
@@ -284,6 +279,12 @@ class LedBodies:
                 )
             self._taken[sides] = turn
         return notes
+
+    def _rubbing(self, told: Collection[int] = ()) -> list[tuple[int, int]]:
+        """``sides`` of closed pairs that depend on slip, without those with numbers ``told``."""
+        pairs = enumerate(zip(self._contacts, self._of_pairs, strict=True))
+        rubs = [sides for number, (c, sides) in pairs if _rubs(c) and number not in told]
+        return sorted(set().union(*rubs))
 
     def parts(self, bodies: Iterable[int]) -> frozenset[int]:
         """Numbers in the outlines of some bodies."""
@@ -303,9 +304,7 @@ class LedBodies:
         """
         x0, x1 = accepted.x, self._positions()
         moved = not np.array_equal(accepted.places, places)
-        pairs = enumerate(zip(self._contacts, self._of_pairs, strict=True))
-        rubs = [sides for number, (c, sides) in pairs if _rubs(c) and number not in told]
-        of_pairs = sorted(set().union(*rubs))
+        of_pairs = self._rubbing(told)
         if self.examined or not self.may_turn or not of_pairs:
             return []
         size = float(np.abs(x1).max(initial=0.0))
@@ -346,14 +345,14 @@ def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
         stretched: Distance from a rigid motion over the motion [1] above which they do not turn.
     """
     y0, y1 = x0 - x0.mean(axis=0), x1 - x1.mean(axis=0)
-    dim, none = x0.shape[1], np.zeros(len(TURNS[x0.shape[1]]))
+    none = np.zeros(len(TURNS[x0.shape[1]]))
     if not tells_turn(x0):
         return none
-    R = polar_rotation(y1.T @ y0)
+    R, _ = polar(y1.T @ y0)
     apart, moved = (np.linalg.norm(y - y0 @ R.T) for y in (y1, y0))
     if apart / stretched > moved:
         return none
-    return np.arctan2(R[1, :1], R[0, :1]) if dim == 2 else vector_of(R)
+    return vector_of(R)
 
 
 def tells_turn(x0: Array) -> bool:
@@ -489,7 +488,7 @@ class Motions:
     Args:
         ends: Both ends of the step; rotations of ``doubtful`` bodies by more than ``TOLD_TURN`` may
             have had the other sense.
-        bodies: Body of each node, shape (n,).
+        bodies: The bodies, shape (b,), and the number of that of each node among them, shape (n,).
         other: Alternative to rotations by more than a sixth of a turn: "sense" for rotations in the
             other sense, "centre" for those about the mean of the prescribed nodes instead of the
             fixed point, or the reverse.
@@ -502,12 +501,12 @@ class Motions:
         two_ways: Whether its rotation may have had the other sense, shape (b,), bool.
     """
 
-    def __init__(self, ends: StepEnds, bodies: Indices, other: Alternative = "") -> None:
+    def __init__(
+        self, ends: StepEnds, bodies: tuple[Indices, Indices], other: Alternative = ""
+    ) -> None:
         self._x0, self._x1 = x0, x1 = ends[:2]
-        counts, prescribed = np.bincount(bodies), ends.prescribed
-        self.labels: Indices = np.flatnonzero(counts)
-        self.of_node = (np.cumsum(counts > 0) - 1)[bodies]
-        led = np.zeros(len(x0), bool) if prescribed is None else prescribed
+        self.labels, self.of_node = bodies
+        led = np.zeros(len(x0), bool) if ends.prescribed is None else ends.prescribed
         self.are_led: Flags = np.bincount(self.of_node[led], minlength=self.labels.size) > 0
         weight = np.where(self.are_led[self.of_node], led, 1.0)[:, None]
         self._start, self._end = self._mean(x0, weight), self._mean(x1, weight)
@@ -557,31 +556,23 @@ class Motions:
 
         For bodies marked in ``exchanged`` (b,) to fixed points outside instead.
         """
+        may = self.are_led & (np.abs(self.angles) > SMALL_ANGLE)
+        if not may.any():
+            return
         shift, half = self._end - self._start, 0.5 * self.angles
         with np.errstate(divide="ignore", invalid="ignore"):
             across = np.stack([-shift[:, 1], shift[:, 0]], axis=1) / np.tan(half)[:, None]
             away = 0.5 * np.hypot(*shift.T) / np.abs(np.sin(half))
         reach = np.zeros(self.labels.size)
         np.maximum.at(reach, self.of_node, np.hypot(*(self._x0 - self._start[self.of_node]).T))
-        about = ((away < reach) != exchanged) & self.are_led
-        about &= np.abs(self.angles) > SMALL_ANGLE
+        about = may & ((away < reach) != exchanged)
         fixed = 0.5 * (self._start + self._end + across)
         self._start = np.where(about[:, None], fixed, self._start)
         self._end = np.where(about[:, None], fixed, self._end)
 
-    @property
-    def are_small(self) -> bool:
-        """Whether all rotations are small, so that no rotating frames are needed."""
-        return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_ANGLE
-
     def of(self, body: int) -> RigidPath:
         """The motion of the body with the number ``body`` in ``labels``."""
         return RigidPath(self._start[body], self._end[body], self.angles[body : body + 1])
-
-    def moved_with_own_body(self) -> Array:
-        """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
-        i = self.of_node
-        return self._end[i] + rotated_by(self._x0 - self._start[i], self.angles[i])
 
     def distances_to(self, x: Array) -> Array:
         """Root mean squares of the distances of nodes from ``x`` (n, 2), by body, (b,) [length]."""
@@ -620,9 +611,10 @@ class Paths:
         other: Alternative = "",
     ) -> None:  # fmt: skip
         self._x0, self._x1, self._resolution, self._known = *ends[:2], resolution, ends.known
+        labels, of_node = np.unique(bodies, return_inverse=True)
 
         def fit(end: Array, known: Mapping[int, RigidPath] = NONE_KNOWN) -> Motions:
-            return Motions(ends._replace(x1=end, known=known), bodies, other)
+            return Motions(ends._replace(x1=end, known=known), (labels, of_node), other)
 
         self._fit: Callable[..., Motions] = fit
         self.motions = fit(self._x1, ends.known)
@@ -666,7 +658,9 @@ class Paths:
         end = _back(frame, self._x1, 1.0)
         inside = self._fit(end)
         carried = inside.distances_to(end) < self._least
-        angles = self._angles() + sum(abs(rotation.angle) for rotation in frame)
+        carriers = np.array([carrier.angle for carrier in self._carriers])
+        angles = np.abs(carriers[self._carrier]) + np.abs(self._relative.angles)
+        angles += sum(abs(rotation.angle) for rotation in frame)
         angle = float(np.where(carried, np.abs(inside.angles), angles).max(initial=0.0))
         along, carried = list[Array](), carried[inside.of_node]
         for t in self._times(angle, frame, self._x0):
@@ -697,11 +691,6 @@ class Paths:
         along = [_back(frame, obstacle.carry(points, t), t) for t in times]
         return np.array(along), self._x0 + times[:, None, None] * (end - self._x0)
 
-    def _angles(self) -> Array:
-        """Sums of the rotations of each body and its carrier, without signs, (b,) [radian]."""
-        carriers = np.array([carrier.angle for carrier in self._carriers])
-        return np.abs(carriers[self._carrier]) + np.abs(self._relative.angles)
-
     def _times(self, angle: float, frame: Sequence[RigidPath], points: Array) -> Array:
         """Times between straight sections of paths with a rotation by ``angle``, 0 to 1."""
         every = np.concatenate([points, self._x0, self._x1])
@@ -710,13 +699,6 @@ class Paths:
         largest = min(np.sqrt(8.0 * self._resolution / max(reach, TINY)), LIMITS.section_turn)
         sections = int(min(max(np.ceil(angle / max(largest, TINY)), 1), LIMITS.max_points))
         return np.arange(1, sections) / sections
-
-
-def carry(frame: Sequence[RigidPath], x: Array) -> Array:
-    """Move positions ``x`` (..., 2) [length] with a frame to the end of the step."""
-    for rotation in frame:
-        x = rotation.carry(x, 1.0)
-    return x
 
 
 def _back(frame: Sequence[RigidPath], x: Array, t: float) -> Array:

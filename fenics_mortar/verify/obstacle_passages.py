@@ -11,22 +11,25 @@ some path passes through each round obstacle whose radius is a facet or more.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.kernels.passage import OPPOSED
+from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import rotation_by
-from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, norms
+from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS
 
 if TYPE_CHECKING:
-    from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.contact.tied import Tie
 
 ADVICE = "since the last accepted state: take smaller steps"
 
@@ -168,3 +171,34 @@ def _at(knots: Array, far: Array, at: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = np.nan_to_num((at - start) / (end - start), posinf=0.0, neginf=0.0)
     return knots[k, every] + fraction[:, None] * (knots[k + 1, every] - knots[k, every])
+
+
+def pairs_of_obstacles(
+    contacts: Sequence[Contact | Tie], slaves: Sequence[Indices]
+) -> dict[Obstacle, list[tuple[Contact, Indices]]]:
+    """The pairs with each obstacle, and the numbers of their slave nodes in the outlines (local).
+
+    Args:
+        contacts: All pairs.
+        slaves: Numbers of the slave nodes of each pair.
+    """
+    pairs = dict[Obstacle, list[tuple[Contact, Indices]]]()
+    for contact, there in zip(contacts, slaves, strict=True):
+        if isinstance(contact, Contact) and contact.obstacle is not None:
+            pairs.setdefault(contact.obstacle, []).append((contact, there))
+    return pairs
+
+
+def events_on(along: Array, find: Callable[..., Array], *given: Any) -> Array:
+    """Events of all sections of a step, by path and time, in numbers of sections (local).
+
+    Args:
+        along: Positions at the ends of the sections, shape (m + 1, n, d) [length].
+        find: Kernel that returns rows (path, facet, time, ...) of a section.
+        given: Its arguments after the positions at both ends of a section.
+    """
+    rows = [find(*ends, *given) for ends in pairwise(along)]
+    for k, events in enumerate(rows):
+        events[:, 2] += k
+    every = np.concatenate(rows)
+    return every[np.lexsort((every[:, 2], every[:, 0]))]

@@ -34,7 +34,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -42,7 +42,7 @@ from scipy.sparse.linalg import splu
 
 from fenics_mortar.contact.arcs import arc
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law import at_points
+from fenics_mortar.contact.law import mapped
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.interface.curve_surface import Curve
 from fenics_mortar.interface.facing import Facing, Points, both_sides, points_of, rule_of
@@ -152,22 +152,6 @@ def depths_in_body(outline: Any, x: Array, body: int, points: Array) -> tuple[Ar
     return depths, mine[nearest]
 
 
-class Deepest(NamedTuple):
-    """The point of an obstacle that is deepest in a body.
-
-    Attributes:
-        depth: Depth less the overlap admitted by the offset [length]; zero if no point is inside.
-        facets: The same over the size of the nearest facet [1].
-        point: Position, shape (2,) [length].
-        segment: Nearest segment of the outlines.
-    """
-
-    depth: float
-    facets: float
-    point: Array
-    segment: int
-
-
 def obstacle_depths(
     outline: Any, x: Array, body: int, points: Array, offset: Array,
     distance: Callable[[Array], Array],
@@ -197,8 +181,10 @@ def obstacle_depths(
     return depths[below], near[below], nearest[below]
 
 
-def deepest_point(contact: Contact, outline: Outline, slave: Indices, x: Array) -> Deepest:
-    """Find the point of an obstacle that is deepest in a body of the slave (local).
+def depths_of_obstacle(
+    contact: Contact, outline: Outline, slave: Indices, x: Array
+) -> tuple[Array, Array, Indices]:
+    """``obstacle_depths`` of the nearest and the salient points in the bodies of the slave (local).
 
     Args:
         contact: A pair with an obstacle, evaluated at the present state.
@@ -209,14 +195,10 @@ def deepest_point(contact: Contact, outline: Outline, slave: Indices, x: Array) 
     o = contact.now.on_obstacle
     points = np.concatenate([o.nearest_points(), o.obstacle.to_space(o.obstacle.salient_points())])
     given = points, contact.now.offset, lambda at: o.obstacle.evaluate(at)[0]
-    lengths, deepest = outline.lengths(x), Deepest(0.0, 0.0, np.zeros(2), -1)
-    for body in np.unique(outline.bodies[slave]).tolist():
-        depths, at, segments = obstacle_depths(outline, x, body, *given)
-        facets = depths / lengths[segments]
-        if facets.max(initial=0.0) > deepest.facets:
-            k = int(np.argmax(facets))
-            deepest = Deepest(float(depths[k]), float(facets[k]), at[k], int(segments[k]))
-    return deepest
+    bodies = np.unique(outline.bodies[slave]).tolist()
+    found = zip(*(obstacle_depths(outline, x, body, *given) for body in bodies), strict=True)
+    depths, at, segments = map(np.concatenate, found)
+    return depths, at, segments
 
 
 class AdmittedDepth:
@@ -322,7 +304,9 @@ def interface_tractions(pair: Interface, prescribed: Array) -> Iterator[tuple[Su
         points of ``gauss_points``.
     """
     surfaces, forces = (pair.slave, pair.master), pair.operators.force(pair.z_u)
-    for surface, force, here in zip(surfaces, forces, _covers(pair)):
+    o, segments = pair.partner_operators, pair.intersections()
+    covers = both_sides(o, segments) if pair.master.num_nodes else (points_of(segments),)
+    for surface, force, here in zip(surfaces, forces, covers):
         keeps = surface.gather(prescribed).all(axis=1)
         yield surface, facet_tractions(surface, -force, keeps, here)
 
@@ -393,12 +377,6 @@ def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, clamped: F
         mass[node], rhs[node] = 0.0, 0.0
         mass[node, [node, *others]] = blocks.max() * np.array([1.0, *-weights])
     return np.asarray(splu(mass.tocsc()).solve(rhs))
-
-
-def _covers(pair: Interface) -> tuple[Points, ...]:
-    """Points on the parts of slave and master that face each other (local)."""
-    o, segments = pair.partner_operators, pair.intersections()
-    return both_sides(o, segments) if pair.master.num_nodes else (points_of(segments),)
 
 
 def _extrapolations(surface: Any, clamped: Flags) -> Iterator[tuple[int, Indices, Array]]:
@@ -480,7 +458,7 @@ def _adhesion(contact: Contact, here: Points, opening: Array) -> Array:
     law = contact.pair.law
     if not law.has_adhesion:
         return np.zeros_like(opening)
-    node = replace(at_points(contact.nodal, here.of), gap=opening)
+    node = replace(mapped(contact.nodal, here.of), gap=opening)
     comm = contact.slave.comm
     return np.asarray(call_together(comm, repr(law), partial(law.adhesion_at, node)).residual)
 

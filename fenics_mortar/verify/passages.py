@@ -2,9 +2,9 @@
 """Passages in a step: nodes through bodies and obstacles, points of obstacles through bodies.
 
 Paths lead from the last accepted state to the present one, including rigid moves before the solve.
-In frames that do not turn they are straight. Since straight paths would shrink a rotating body,
-those past a rotating body or obstacle are computed in its frame, in sections so short that their
-sagittas are negligible; see ``node_paths``. Those past obstacles are in ``obstacle_passages``.
+Since straight paths would shrink a rotating body, those past a body or an obstacle are computed in
+its frame, in sections so short that their sagittas are negligible; see ``node_paths``. Those past
+obstacles are in ``obstacle_passages``.
 
 A path passes through a body if the outward normals at entry and exit are opposed. It slides along
 the body if exit and entry coincide, as for chords of a curve, if the outline between them is within
@@ -16,21 +16,27 @@ inside another body are reported as well.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.kernels.passage import ALL, OPPOSED, OTHERS, OWN, find_events, find_passages
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
+from fenics_mortar.kernels.passage import OPPOSED, find_events, find_passages
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds, carry, motion_of
-from fenics_mortar.verify.obstacle_passages import ADVICE, in_space, nodes_through, own_frame
+from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds, motion_of
+from fenics_mortar.verify.obstacle_passages import (
+    ADVICE,
+    events_on,
+    in_space,
+    nodes_through,
+    own_frame,
+    pairs_of_obstacles,
+)
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.outline import Outline
     from fenics_mortar.obstacles.obstacle import Obstacle
@@ -69,14 +75,7 @@ class Passages:
         self.outline, self._names, self._excused = outline, names, excused
         self._links = (*outline.neighbours(), outline.junctions())
         self._segment_bodies = outline.segment_bodies
-        self._obstacles: list[Obstacle] = list(
-            dict.fromkeys(c.obstacle for c in contacts if c.obstacle is not None)
-        )
-        self._on_obstacles = [
-            (c, slave)
-            for c, slave in zip(contacts, slaves, strict=True)
-            if isinstance(c, Contact) and c.obstacle is not None
-        ]
+        self._obstacles = pairs_of_obstacles(contacts, slaves)
 
     def find(self, ends: StepEnds, allowed: AllowedOverlaps) -> tuple[list[str], list[str]]:
         """Messages on passages; if there are none, on those by alternative motions of bodies.
@@ -106,50 +105,27 @@ class Passages:
 
     def _on(self, paths: Paths, ends: StepEnds, allowed: AllowedOverlaps) -> list[str]:
         """Messages on passages on given paths."""
-        found, motions = list[str](), paths.motions
-        if np.array_equal(ends.x0, ends.x1) and motions.are_small:
-            pass
-        elif motions.are_small:
-            found += self._through_bodies(np.array(ends[:2]), OTHERS, allowed)
-            own = np.array([motions.moved_with_own_body(), ends.x1])
-            found += self._through_bodies(own, OWN, allowed)
-        else:
-            for i, body in enumerate(motions.labels):
-                frame = paths.frame_of(i)
-                along = carry(frame, paths.seen_from(frame))
-                marked = self._segment_bodies == body
-                found += self._through_bodies(along, ALL, allowed, marked)
-        for number, obstacle in enumerate(self._obstacles):
-            places = ends.before[number], ends.after[number]
+        found, every = list[str](), np.arange(len(ends.x1))
+        for i, body in enumerate([] if ends.bodies_rest else paths.motions.labels.tolist()):
+            rows = self._rows(paths.seen_from(paths.frame_of(i)), every, body)
+            found += self._messages(rows, body, ends.x1, allowed) if len(rows) else []
+        for obstacle, *places in zip(self._obstacles, ends.before, ends.after, strict=True):
             found += self._at_obstacle(obstacle, places, paths, ends.x1)
         return found
 
     # Through bodies
 
-    def _through_bodies(
-        self, along: Array, which: int, allowed: AllowedOverlaps, marked: Flags | None = None
-    ) -> list[str]:
-        """Messages on paths ``along`` (m + 1, n, 2) through marked segments (m,), bool.
+    def _rows(self, along: Array, nodes: Indices, body: int) -> Array:
+        """Rows of ``find_passages`` of ``nodes`` (k,) on paths ``along`` (m + 1, n, 2).
 
-        ``which``: see ``find_events``.
+        The paths are those in the frame of ``body``, through which they may lead.
         """
-        rows = self._rows(along, self.outline.bodies, which, marked)
-        return self._messages(rows, along[-1], allowed) if len(rows) else []
-
-    def _rows(self, along: Array, node_bodies: Indices, which: int, marked: Flags | None) -> Array:
-        """Rows of ``find_passages`` of nodes on paths ``along`` (m + 1, n, 2)."""
-        o, bodies, events = self.outline, self._segment_bodies, []
-        at = np.arange(len(bodies)) if marked is None else np.flatnonzero(marked)
-        for k, (start, end) in enumerate(pairwise(along)):
-            rows = find_events(start, end, o.segments[at], bodies[at], node_bodies, which)
-            rows[:, 1], rows[:, 2] = at[rows[:, 1].astype(np.int64)], rows[:, 2] + k
-            events.append(rows)
-        every = np.concatenate(events)
-        every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
-        if not len(every):
-            return np.empty((0, 4))
+        o, bodies = self.outline, self._segment_bodies
+        at = np.flatnonzero(bodies == body)
+        events = events_on(along, find_events, nodes, o.segments[at])
+        events[:, 1] = at[events[:, 1].astype(np.int64)]
         lengths = o.lengths(along[-1])
-        rows = find_passages(along, o.segments, *self._links, lengths, bodies, every)
+        rows = find_passages(along, o.segments, *self._links, lengths, bodies, events)
         return rows[[row[2] < 0.0 or self._crosses(row, along, lengths) for row in rows]]
 
     def _crosses(self, row: Array, along: Array, lengths: Array) -> bool:
@@ -182,19 +158,18 @@ class Passages:
         least = min(HALF_FACET * lengths[entry], LIMITS.deep * chord)
         return bool(flips.any() or depths.max() > least)
 
-    def _messages(self, rows: Array, x1: Array, allowed: AllowedOverlaps) -> list[str]:
-        """Messages on rows of ``find_passages``, one for each pair of bodies."""
+    def _messages(self, rows: Array, body: int, x1: Array, allowed: AllowedOverlaps) -> list[str]:
+        """Messages on rows of ``find_passages`` through ``body``, one for each other body."""
         lengths, messages = self.outline.lengths(x1), list[str]()
         node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
-        through, depth = leaves >= 0, rows[:, 3]
-        pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
-        inside = ~through & (pairs[:, 0] != pairs[:, 1])
+        through, depth, others = leaves >= 0, rows[:, 3], self.outline.bodies[node]
+        inside = ~through & (others != body)
         inside &= depth - allowed(x1)[node] > HALF_FACET * lengths[entry]
         for marked, ends_inside in ((through, False), (inside, True)):
-            for pair in np.unique(pairs[marked], axis=0) if marked.any() else ():
-                if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
+            for other in np.unique(others[marked]).tolist():
+                if self._excused.get((min(body, other), max(body, other))) == np.inf:
                     continue
-                mine = np.flatnonzero(marked & (pairs == pair).all(axis=1))
+                mine = np.flatnonzero(marked & (others == other))
                 first = mine[np.argmax(depth[mine])]
                 who = f"{mine.size} nodes of {self._names.node(int(node[first]))}"
                 where = x1[node[first]]
@@ -218,18 +193,18 @@ class Passages:
     # Obstacles
 
     def _at_obstacle(
-        self, obstacle: Obstacle, places: tuple[Array, Array], paths: Paths, x1: Array
+        self, obstacle: Obstacle, places: list[Array], paths: Paths, x1: Array
     ) -> list[str]:
         """Messages on an obstacle between two places (3,): nodes through it, its points."""
         motion = motion_of(obstacle, *places)
-        pairs = [pair for pair in self._on_obstacles if pair[0].obstacle is obstacle]
         along = own_frame(obstacle, paths.seen_from([motion]), places[0])
         messages = []
-        for contact, there in pairs:
+        for contact, there in self._obstacles[obstacle]:
             given = along[:, there], contact.now.offset, contact.slave.nodal_lengths
             name, comm = f"'{contact.slave.name}'", self.outline.comm
             messages += nodes_through(comm, obstacle, given, x1[there], lambda _, n=name: n)  # type: ignore[misc]
-        bodies = np.unique(self.outline.bodies[np.concatenate([there for _, there in pairs])])
+        slaves = np.concatenate([there for _, there in self._obstacles[obstacle]])
+        bodies = np.unique(self.outline.bodies[slaves])
         points = in_space(obstacle, obstacle.salient_points(), places[0])
         for body in bodies if len(points) else ():
             rows = self._rows_of_points(paths, int(body), motion, points)
@@ -248,18 +223,10 @@ class Passages:
         """
         o, label = self.outline, int(np.searchsorted(paths.motions.labels, body))
         of_points, of_nodes = paths.points_seen_from(label, motion, points)
-        mine = of_nodes[:, o.bodies == body].reshape(-1, 2)
-        above = of_points.max(axis=0) > mine.min(axis=0)
-        below = of_points.min(axis=0) < mine.max(axis=0)
-        near = np.flatnonzero((above & below).all(axis=1))
-        if not near.size:
-            return np.empty((0, 4))
-        along = np.concatenate([of_nodes, of_points[:, near]], axis=1)
-        # nodes count as nodes of the body, which are not searched in its segments
-        node_bodies = np.concatenate([np.full(len(o.X), body), np.full(near.size, -1)])
-        rows = self._rows(along, node_bodies, OTHERS, self._segment_bodies == body)
+        along = np.concatenate([of_nodes, of_points], axis=1)
+        rows = self._rows(along, np.arange(len(o.X), along.shape[1]), body)
         rows = rows[rows[:, 2] >= 0.0]
-        rows[:, 0] = near[rows[:, 0].astype(np.int64) - len(o.X)]
+        rows[:, 0] -= len(o.X)
         return rows
 
 

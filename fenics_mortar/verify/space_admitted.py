@@ -29,13 +29,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import or_more_functions
-from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_by_angles
+from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_number
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.utils.arrays import SAME_PLACE, TINY, Array, Flags, Indices
@@ -73,9 +73,8 @@ class Overlaps(NamedTuple):
 
     def select(self, marked: Flags | Indices) -> Overlaps:
         """Some of the points."""
-        return Overlaps(
-            self.nodes[marked], self.triangles[marked], self.depths[marked], self.points[marked]
-        )
+        each: Any = (values[marked] for values in self)
+        return Overlaps(*each)
 
 
 def find_overlaps(hull: Hull, x: Array) -> Overlaps:
@@ -105,7 +104,7 @@ def find_overlaps(hull: Hull, x: Array) -> Overlaps:
         every = Overlaps(nodes, mine[nearest], depths, points)
         found.append(every.select(depths > SAME_PLACE * size))
         if own.any():
-            found.append(_of_itself(hull, x, mine, rows[own]))
+            found.append(_of_itself(hull, x, mine, boxes, rows[own]))
     return Overlaps(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
@@ -133,13 +132,14 @@ def _middles(x: Array, edges: Indices, rows: Array) -> tuple[Indices, Array]:
     return ends, (1.0 - at) * x[ends[:, 0]] + at * x[ends[:, 1]]
 
 
-def _of_itself(hull: Hull, x: Array, mine: Indices, rows: Array) -> Overlaps:
+def _of_itself(hull: Hull, x: Array, mine: Indices, boxes: Array, rows: Array) -> Overlaps:
     """Overlaps of a body with itself.
 
     Args:
         hull: The hulls.
         x: Positions of the nodes, shape (n, 3) [length].
         mine: Triangles of the body, shape (t,).
+        boxes: Tree of their boxes.
         rows: Rows of ``find_piercings`` of its edges along the edges, shape (r, 4).
     """
     edges, beside = hull.edges
@@ -155,8 +155,8 @@ def _of_itself(hull: Hull, x: Array, mine: Indices, rows: Array) -> Overlaps:
         points - BELOW * np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)[:, None] * normals
     )
     triangles = mine[rows[:, 1].astype(np.int64)]
-    own = hull.segments[mine]
-    covered = np.array([winding_by_angles(x, own, p) for p in below])
+    own, hits = hull.segments[mine], np.empty(len(boxes) // 2, np.int64)
+    covered = np.array([winding_number(x, own, boxes, hits, p) for p in below])
     twice = covered > 1
     ends, triangles, points = ends[twice], triangles[twice], points[twice]
     depths = np.array([_distance_around(hull, x, p, f) for p, f in zip(points, triangles)], float)
@@ -274,7 +274,8 @@ class SpaceAdmitted:
         self._hull, self._contacts = hull, contacts
         self._sides = [(hull.near(c.slave), hull.near(c.master)) for c in contacts]
         self._more_functions = or_more_functions(contacts)
-        self._exact = [(hull.are_of(c.slave), hull.are_of(c.master)) for c in contacts]
+        exact = [(hull.are_of(c.slave), hull.are_of(c.master)) for c in contacts]
+        self._ways = [way for sides in exact for way in (sides, sides[::-1])]
 
     def hint(self, kind: Kind, remedy: str = "") -> str:
         """What a pair does not see in an overlap of this kind, with a ``remedy`` without force."""
@@ -308,15 +309,13 @@ class SpaceAdmitted:
         """
         depths, triangles = overlaps.depths.copy(), overlaps.triangles.copy()
         found = Measured(depths, triangles, np.zeros(len(depths), bool))
-        for sides in self._exact:
-            for one, other in (sides, sides[::-1]):
-                at = np.flatnonzero(self._on(one, overlaps))
-                if at.size:
-                    n, first = self._outward(x, one, overlaps.nodes[at]), found.at(at)
-                    given = overlaps.points[at], n, first, other
-                    again = below_marked(self._hull, x, *given)
-                    for values, new in zip(found, again):
-                        values[at] = new
+        for one, other in self._ways:
+            at = np.flatnonzero(self._on(one, overlaps))
+            if at.size:
+                n, first = self._outward(x, one, overlaps.nodes[at]), found.at(at)
+                again = below_marked(self._hull, x, overlaps.points[at], n, first, other)
+                for values, new in zip(found, again):
+                    values[at] = new
         return overlaps._replace(depths=found.depths, triangles=found.triangles), found.across
 
     def _outward(self, x: Array, marked: Flags, nodes: Indices) -> Array:
@@ -334,10 +333,9 @@ class SpaceAdmitted:
         n = self._outward(x, everywhere, overlaps.nodes)
         behind = np.einsum("kc,kc->k", n, hull.normals(x)[overlaps.triangles]) > AWAY
         bodies = hull.bodies[overlaps.nodes[:, 0]]
-        for sides in self._exact:
-            for one, other in (sides, sides[::-1]):
-                has_side = np.isin(bodies, hull.segment_bodies[one])
-                marks |= behind & has_side & other[overlaps.triangles] & ~self._on(one, overlaps)
+        for one, other in self._ways:
+            has_side = np.isin(bodies, hull.segment_bodies[one])
+            marks |= behind & has_side & other[overlaps.triangles] & ~self._on(one, overlaps)
         return marks
 
     def kinds(self, x: Array, overlaps: Overlaps, facets: Array) -> Indices:

@@ -33,23 +33,26 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.kernels.space.inside import depths_inside
-from fenics_mortar.kernels.space.passage import find_edge_events, find_node_events
+from fenics_mortar.kernels.space.passage import find_events
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.obstacles.obstacle import Fields, Obstacle
-from fenics_mortar.obstacles.rigid_motion import polar_rotation, vector_of
+from fenics_mortar.obstacles.rigid_motion import polar, vector_of
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SMALL_ANGLE, TINY, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import RigidPath, StepEnds, motion_of
-from fenics_mortar.verify.obstacle_passages import ADVICE, nodes_through, own_frame
+from fenics_mortar.verify.node_paths import RigidPath, StepEnds
+from fenics_mortar.verify.obstacle_passages import (
+    ADVICE,
+    events_on,
+    nodes_through,
+    own_frame,
+    pairs_of_obstacles,
+)
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body, obstacle_depths
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
@@ -65,15 +68,17 @@ from fenics_mortar.verify.space_admitted import (
 )
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.outline import Hull
+    from fenics_mortar.obstacles.obstacle import Fields, Obstacle
     from fenics_mortar.utils.arrays import Array, Flags
 
 
 def motion_between(x0: Array, x1: Array) -> RigidPath:
     """The rigid motion that fits two positions (n, 3) of a body best (Kabsch 1976)."""
     start, end = x0.mean(axis=0), x1.mean(axis=0)
-    turn = vector_of(polar_rotation((x1 - end).T @ (x0 - start)))
+    turn = vector_of(polar((x1 - end).T @ (x0 - start))[0])
     return RigidPath(start, end, turn if np.linalg.norm(turn) >= SMALL_ANGLE else np.zeros(3))
 
 
@@ -120,10 +125,6 @@ class SpacePaths:
             count = max(count, int(min(np.ceil(motion.angle / largest), LIMITS.max_points)))
         return count
 
-    def carried(self, motion: RigidPath, points: Array) -> Array:
-        """Positions of points (k, 3) [length] at the start moved along, (sections + 1, k, 3)."""
-        return np.array([motion.carry(points, time) for time in self.times])
-
     def seen_from(self, label: int, along: Array | None = None) -> Array:
         """Positions in the frame of a body or an obstacle, shape (sections + 1, n, 3) [length].
 
@@ -149,7 +150,7 @@ class Passed(NamedTuple):
         ends: Ends of the edge on the path; equal for a node, shape (k, 2).
         place: Coordinates on the edge at entry and exit, 0 to 1, shape (k, 2).
         times: Times of entry and exit, numbers of sections, shape (k, 2).
-        enters: Nodes of the triangle or edge of entry, shape (k, 3).
+        enters: Nodes of the triangle or edge of entry, shape (k, 3) or (k, 2).
         leaves: Those of exit, shape (k, 3).
     """
 
@@ -188,7 +189,7 @@ class SpacePassages:
             if not edges.any():
                 continue
             through_nodes = self.nodes_through(along, body, nodes)
-            through_edges = self._deep(self._edges_through(along, body, edges), along, body)
+            through_edges = self._edges_through(along, body, edges)
             told = np.unique(hull.bodies[through_nodes.ends[:, 0]])
             new = ~np.isin(hull.bodies[through_edges.ends[:, 0]], told)
             for what, passed in (("nodes", through_nodes), ("edges", through_edges.select(new))):
@@ -204,7 +205,24 @@ class SpacePassages:
             body: The body.
             marked: Points to follow, shape (n + k,), bool.
         """
-        return self._deep(self._nodes_through(along, body, marked), along, body)
+        hull, mine = self._hull, np.flatnonzero(self._hull.segment_bodies == body)
+        triangles, at = hull.segments[mine], np.flatnonzero(marked)[:, None]
+        normals = [hull.normals(x)[mine] for x in (along[0], along[-1])]
+        rows = events_on(along, find_events, at, triangles, normals[0])
+        same = np.concatenate([[False], rows[1:, 0] == rows[:-1, 0]])
+        leaves = rows[:, 3] < 0.0
+        exits = np.flatnonzero(leaves & same & ~np.roll(leaves, 1))
+        begins = np.flatnonzero(leaves & ~same)
+        inside = along[0][at[rows[begins, 0].astype(np.int64), 0]]
+        size = float(np.median(hull.lengths(along[0])[mine]))
+        boxes = build_tree(along[0], triangles)
+        _, nearest = depths_inside(along[0], triangles, boxes, inside, size)
+        begins, nearest = begins[nearest >= 0], nearest[nearest >= 0]
+        entries = rows[begins].copy()  # at the start, at the nearest triangle
+        entries[:, 1:3] = np.column_stack([nearest, np.zeros(nearest.size)])
+        both = np.concatenate([rows[exits - 1], entries]), rows[np.concatenate([exits, begins])]
+        passed = _passed(np.stack(both, axis=1), at, triangles, normals)
+        return self._deep(passed, along, body)
 
     def _near(self, along: Array, body: int) -> tuple[Flags, Flags]:
         """Nodes (n,) and edges (k,) of others whose paths meet the box of a body, bool."""
@@ -216,61 +234,24 @@ class SpacePassages:
         of_edges = ((ends >= lowest) & (begins <= highest)).all(axis=1)
         return nodes & (bodies != body), of_edges & (bodies[edges[:, 0]] != body)
 
-    def _nodes_through(self, along: Array, body: int, nodes: Flags) -> Passed:
-        """Paths of nodes with opposed normals at entry and exit."""
-        hull, mine = self._hull, np.flatnonzero(self._hull.segment_bodies == body)
-        triangles, at = hull.segments[mine], np.flatnonzero(nodes)
-        rows = [find_node_events(*ends, at, triangles) for ends in pairwise(along)]
-        every = _in_order(rows)
-        node, of_triangle, time, sign = every[:, 0].astype(np.int64), every[:, 1], *every.T[2:]
-        triangle = of_triangle.astype(np.int64)
-        same = np.concatenate([[False], node[1:] == node[:-1]])
-        exits = np.flatnonzero((sign < 0.0) & (np.roll(sign, 1) > 0.0) & same)
-        begins = np.flatnonzero((sign < 0.0) & ~same)
-        boxes = build_tree(along[0], triangles)
-        size = float(np.median(hull.lengths(along[0])[mine]))
-        _, nearest = depths_inside(along[0], triangles, boxes, along[0][node[begins]], size)
-        begins, nearest = begins[nearest >= 0], nearest[nearest >= 0]
-        rows_of_exit = np.concatenate([exits, begins])
-        entry = np.concatenate([triangle[exits - 1], nearest])
-        times = np.concatenate([time[exits - 1], np.zeros(len(begins))]), time[rows_of_exit]
-        leaves = triangle[rows_of_exit]
-        ends = np.repeat(node[rows_of_exit][:, None], 2, axis=1)
-        place = np.zeros(ends.shape)
-        passed = Passed(ends, place, np.stack(times, 1), triangles[entry], triangles[leaves])
-        normals = [hull.normals(x)[mine] for x in (along[0], along[-1])]
-        return passed.select(_are_opposed(normals, entry, leaves) & ~_share(passed))
-
     def _edges_through(self, along: Array, body: int, near: Flags) -> Passed:
-        """Paths of edges with opposed normals at entry and exit at edges."""
+        """Paths of edges that enter and leave a body at edges, deep below its surface."""
         hull = self._hull
         edges, beside = hull.edges
         sharp = self._are_sharp(along[0])
         others = np.flatnonzero(sharp & (hull.bodies[edges[:, 0]] == body))
-        at = np.flatnonzero(sharp & near)
+        at = edges[sharp & near]
         normals = [hull.normals(x)[beside[others]].sum(axis=1) for x in (along[0], along[-1])]
-        for n in normals:
-            n /= np.linalg.norm(n, axis=1)[:, None]
-        every = _in_order(
-            [
-                find_edge_events(*ends, edges[at], edges[others], normals[0])
-                for ends in pairwise(along)
-            ]
-        )
-        edge, other = every[:, 0].astype(np.int64), every[:, 1].astype(np.int64)
+        normals = [n / norms(n)[:, None] for n in normals]
+        rows = events_on(along, find_events, at, edges[others], normals[0])
         pairs = [
             (i, j)
-            for j in np.flatnonzero(every[:, 3] < 0.0)
-            for i in range(int(np.searchsorted(edge, edge[j])), j)
-            if every[i, 3] > 0.0
+            for j in np.flatnonzero(rows[:, 3] < 0.0)
+            for i in range(int(np.searchsorted(rows[:, 0], rows[j, 0])), j)
+            if rows[i, 3] > 0.0
         ]
-        i, j = np.array(pairs, np.int64).reshape(-1, 2).T
-        both = np.stack([i, j], axis=1)
-        e, f = (
-            np.concatenate([p, p[:, :1]], axis=1) for p in edges[others[other[both]]].swapaxes(0, 1)
-        )
-        passed = Passed(edges[at[edge[j]]], every[both, 4], every[both, 2], e, f)
-        return passed.select(_are_opposed(normals, other[i], other[j]) & ~_share(passed))
+        both = rows[np.array(pairs, np.int64).reshape(-1, 2)]
+        return self._deep(_passed(both, at, edges[others], normals), along, body)
 
     def _are_sharp(self, x: Array) -> Flags:
         """Whether the surface turns at edges, to the inside, nodes at ``x`` (n, 3), (k,), bool."""
@@ -317,18 +298,16 @@ class SpacePassages:
         )
 
 
-def _in_order(rows: list[Array]) -> Array:
-    """Events of all sections, by path and time; times become numbers of sections."""
-    for k, events in enumerate(rows):
-        events[:, 2] += k
-    every = np.concatenate(rows)
-    return every[np.lexsort((every[:, 2], every[:, 0]))]
+def _passed(both: Array, movers: Indices, targets: Indices, normals: list[Array]) -> Passed:
+    """Paths with opposed normals (m, 3) at entry and exit at both ends of the step.
 
-
-def _are_opposed(normals: list[Array], entry: Indices, leaves: Indices) -> Flags:
-    """Whether normals (m, 3) at entry and exit are opposed at both ends of the step, (k,), bool."""
+    ``both`` (k, 2, 5): rows of ``find_events`` of entry and exit.
+    """
+    mover, (entry, leaves) = both[:, 1, 0].astype(np.int64), both[:, :, 1].T.astype(np.int64)
+    ends = movers[mover][:, [0, -1]]
+    passed = Passed(ends, both[:, :, 4], both[:, :, 2], targets[entry], targets[leaves])
     cosines = [np.einsum("kc,kc->k", n[entry], n[leaves]) for n in normals]
-    return np.asarray(np.maximum(*cosines) < OPPOSED)
+    return passed.select((np.maximum(*cosines) < OPPOSED) & ~_share(passed))
 
 
 def _share(passed: Passed) -> Flags:
@@ -379,20 +358,29 @@ LED = (
 
 
 class SpaceObstacle:
-    """An obstacle, the bodies that it touches, and where these may be inside it.
+    """An obstacle, inside bodies that it touches, and passages; all methods are collective.
 
     Args:
         number: Number of the obstacle.
         obstacle: The obstacle.
         pairs: The pairs with it, and the numbers of the slave nodes of each in the hull.
         hull: The hulls of the bodies.
+        names: Names of nodes and bodies.
+        admitted: Depths that the discretization admits.
     """
 
     def __init__(
-        self, number: int, obstacle: Obstacle, pairs: Sequence[tuple[Contact, Indices]], hull: Hull
+        self,
+        number: int,
+        obstacle: Obstacle,
+        pairs: Sequence[tuple[Contact, Indices]],
+        hull: Hull,
+        names: OutlineNames,
+        admitted: SpaceAdmitted,
     ) -> None:
         self.label, self.obstacle, self.hull = -1 - number, obstacle, hull
-        self._pairs = pairs
+        self._pairs, self._names, self._admitted = pairs, names, admitted
+        self._name = f"obstacle '{obstacle.name}'"
         self._slave = np.concatenate([np.empty(0, np.int64), *(nodes for _, nodes in pairs)])
         self.bodies = np.unique(hull.bodies[self._slave])
         self.near_slave: Flags = np.zeros(len(hull.segments), bool)
@@ -511,146 +499,104 @@ class SpaceObstacle:
             return 0.0, np.zeros(3), 0
         return float(depths[t, q]), points[t, q], int(at[t])
 
-    @property
-    def contacts(self) -> list[Contact]:
-        """The pairs with the obstacle."""
-        return [contact for contact, _ in self._pairs]
-
-
-class SpaceObstacles:
-    """Detection of obstacles inside bodies and of passages; all methods are collective.
-
-    Args:
-        hull: The hulls of the bodies.
-        contacts: All pairs.
-        slaves: Numbers of the slave nodes of each pair in the hulls.
-        names: Names of nodes and bodies.
-        admitted: Depths that the discretization admits.
-    """
-
-    def __init__(
-        self,
-        hull: Hull,
-        contacts: Sequence[Contact | Tie],
-        slaves: Sequence[Indices],
-        names: OutlineNames,
-        admitted: SpaceAdmitted,
-    ) -> None:
-        self._hull, self._names, self._admitted = hull, names, admitted
-        pairs = dict[Obstacle, list[tuple[Contact, Indices]]]()
-        for contact, there in zip(contacts, slaves, strict=True):
-            if isinstance(contact, Contact) and contact.obstacle is not None:
-                pairs.setdefault(contact.obstacle, []).append((contact, there))
-        self._each = [
-            SpaceObstacle(number, obstacle, mine, hull)
-            for number, (obstacle, mine) in enumerate(pairs.items())
-        ]
-
     def find(self, x: Array, prescribed: Flags) -> Iterator[Crossing]:
-        """The deepest point of each obstacle in each body, over its limit, for each kind.
+        """The deepest point of the obstacle in each body, over its limit, for each kind.
 
         Args:
             x: Positions of the nodes, shape (n, 3) [length].
             prescribed: Whether a node is prescribed, shape (n,), bool.
         """
-        for each in self._each:
-            points = each.points(x)
-            admitted = self._admitted.at_obstacle(x, each.near_slave, each.contacts)
-            for body in each.bodies.tolist():
-                mine = prescribed & (self._hull.bodies == body)
-                depth, facets, where = each.led_inside(x, mine)
-                led = ""
-                if where:
-                    led = LED.format(f"{depth:.3g} deep at {where}")
-                    sides = self._names.body(body), f"obstacle '{each.obstacle.name}'"
-                    limits = LIMITS.unloaded, True, led, LIMITS.coarse_unloaded
-                    yield Crossing(sides, where, depth, facets, *limits)
-                measured = each.depths_in(x, points, body)
-                yield from self._deepest(each, x, *measured, admitted, led)
-                yield from self._coming_out(each, x, body, led)
+        points = self.points(x)
+        pairs = [contact for contact, _ in self._pairs]
+        admitted = self._admitted.at_obstacle(x, self.near_slave, pairs)
+        for body in self.bodies.tolist():
+            mine = prescribed & (self.hull.bodies == body)
+            depth, facets, where = self.led_inside(x, mine)
+            led = ""
+            if where:
+                led = LED.format(f"{depth:.3g} deep at {where}")
+                sides = self._names.body(body), self._name
+                limits = LIMITS.unloaded, True, led, LIMITS.coarse_unloaded
+                yield Crossing(sides, where, depth, facets, *limits)
+            measured = self.depths_in(x, points, body)
+            yield from self._deepest(x, *measured, admitted, led)
+            yield from self._coming_out(x, body, led)
 
     def _deepest(
-        self, each: SpaceObstacle, x: Array, at: Array, measured: Measured, admitted: Any, led: str
+        self, x: Array, at: Array, measured: Measured, admitted: Any, led: str
     ) -> Iterator[Crossing]:
         """The deepest of points ``at`` (k, 3), over its limit, for each kind (collective)."""
         (kinds, limits), (depths, triangles, across) = admitted, measured
-        sizes = self._hull.lengths(x)
+        sizes = self.hull.lengths(x)
         facets, mine = depths / sizes[triangles], kinds[triangles]
         for kind in np.unique(mine).tolist():
             k = int(np.where(mine == kind, facets / limits[triangles], 0.0).argmax())
             t, is_across = int(triangles[k]), bool(across[k])
-            hint = self._admitted.hint(kind, each.needed(at[k], float(sizes[t])))
+            hint = self._admitted.hint(kind, self.needed(at[k], float(sizes[t])))
             hint = led * bool(facets[k] > limits[t]) or hint + ACROSS * is_across
             yield Crossing(
-                self._sides(each, t), format_point(at[k]), float(depths[k]), float(facets[k]),
+                self._sides(t), format_point(at[k]), float(depths[k]), float(facets[k]),
                 float(limits[t]), kind != Kind.UNPAIRED or led == hint != "", hint,
                 ALWAYS if is_across else remark_of(kind),
             )  # fmt: skip
 
-    def _coming_out(self, each: SpaceObstacle, x: Array, body: int, led: str) -> Iterator[Crossing]:
+    def _coming_out(self, x: Array, body: int, led: str) -> Iterator[Crossing]:
         """Where an obstacle has gone through a thin body (collective)."""
-        depth, point, t = each.comes_out(x, body)
+        depth, point, t = self.comes_out(x, body)
         if depth > 0.0:
-            facets, hint = depth / float(self._hull.lengths(x)[t]), led or HINTS[Kind.THROUGH]
-            at = self._sides(each, t), format_point(point), depth, facets, LIMITS.unpaired
+            facets, hint = depth / float(self.hull.lengths(x)[t]), led or HINTS[Kind.THROUGH]
+            at = self._sides(t), format_point(point), depth, facets, LIMITS.unpaired
             yield Crossing(*at, hint=hint)
 
-    def _sides(self, each: SpaceObstacle, triangle: int) -> tuple[str, str]:
-        """Names of the surface of a triangle and of an obstacle (collective)."""
-        return self._names.segment(triangle), f"obstacle '{each.obstacle.name}'"
+    def _sides(self, triangle: int) -> tuple[str, str]:
+        """Names of the surface of a triangle and of the obstacle (collective)."""
+        return self._names.segment(triangle), self._name
 
-    def motions(self, before: Array, after: Array) -> dict[int, RigidPath]:
-        """Motions of the obstacles in a step, by label.
-
-        Args:
-            before: Places at the start, shape (obstacles, 6) [length, radian].
-            after: Places at the end.
-        """
-        return {
-            each.label: motion_of(each.obstacle, *places)
-            for each, *places in zip(self._each, before, after, strict=True)
-        }
-
-    def passages(self, paths: SpacePaths, through: SpacePassages, before: Array) -> list[str]:
-        """Messages on nodes through obstacles, and on obstacles through bodies.
+    def passages(self, paths: SpacePaths, through: SpacePassages, place: Array) -> list[str]:
+        """Messages on nodes through the obstacle, or else on points of it through bodies.
 
         Args:
             paths: Paths of the nodes and the obstacles.
             through: Detection of passages through bodies.
-            before: Places of the obstacles at the start, shape (obstacles, 6) [length, radian].
+            place: Place of the obstacle at the start, shape (6,) [length, radian].
         """
-        messages = list[str]()
-        for each, place in zip(self._each, before, strict=True):
-            found = self._nodes_through(each, paths, place)
-            messages += found or self._points_through(each, paths, through)
-        return messages
-
-    def _nodes_through(self, each: SpaceObstacle, paths: SpacePaths, place: Array) -> list[str]:
-        """Message on nodes of bodies that went through an obstacle, which began at ``place``."""
-        obstacle, nodes = each.obstacle, np.flatnonzero(each.counted)
-        knots = own_frame(obstacle, paths.seen_from(each.label)[:, nodes], place)
-        x1 = paths.along[-1]
-        given = knots, each.offset()[nodes], self._hull.node_sizes(x1)[nodes]
+        nodes, x1 = np.flatnonzero(self.counted), paths.along[-1]
+        knots = own_frame(self.obstacle, paths.seen_from(self.label)[:, nodes], place)
+        given = knots, self.offset()[nodes], self.hull.node_sizes(x1)[nodes]
 
         def name(first: int) -> str:
             return self._names.node(int(nodes[first]))
 
-        return nodes_through(self._hull.comm, obstacle, given, x1[nodes], name)
+        found = nodes_through(self.hull.comm, self.obstacle, given, x1[nodes], name)
+        return found or list(self._points_through(paths, through))
 
-    def _points_through(
-        self, each: SpaceObstacle, paths: SpacePaths, through: SpacePassages
-    ) -> Iterator[str]:
-        """Messages on points of an obstacle that went through bodies."""
-        motion = paths.motions[each.label]
-        beside = paths.seen_from(each.label)[:, each.counted].reshape(-1, 3)
-        begin = motion.back(each.points(paths.along[-1], motion.carry(beside, 1.0)), 1.0)
-        for body in each.bodies.tolist():
-            of_points = paths.seen_from(body, paths.carried(motion, begin))
+    def _points_through(self, paths: SpacePaths, through: SpacePassages) -> Iterator[str]:
+        """Messages on points of the obstacle that went through bodies."""
+        motion = paths.motions[self.label]
+        beside = paths.seen_from(self.label)[:, self.counted].reshape(-1, 3)
+        begin = motion.back(self.points(paths.along[-1], motion.carry(beside, 1.0)), 1.0)
+        in_space = np.array([motion.carry(begin, time) for time in paths.times])
+        for body in self.bodies.tolist():
+            of_points = paths.seen_from(body, in_space)
             along = np.concatenate([paths.seen_from(body), of_points], axis=1)
             moved = np.abs(of_points - of_points[0]).max(axis=(0, 2))
-            marked = np.arange(along.shape[1]) >= len(self._hull.X)
+            marked = np.arange(along.shape[1]) >= len(self.hull.X)
             marked[marked] = moved > ROUNDING * np.abs(of_points).max(initial=0.0)
             passed = through.nodes_through(along, body, marked)
             if len(passed.ends):
-                who = f"{len(passed.ends)} points of obstacle '{each.obstacle.name}'"
+                who = f"{len(passed.ends)} points of {self._name}"
                 yield through.message(who, passed, along[-1], body)
+
+
+def obstacles_in_space(
+    contacts: Sequence[Contact | Tie], slaves: Sequence[Indices], *given: Any
+) -> list[SpaceObstacle]:
+    """The obstacles of all pairs (collective).
+
+    Args:
+        contacts: The pairs.
+        slaves: Numbers of the slave nodes of each pair in the hulls.
+        given: Further arguments of ``SpaceObstacle``.
+    """
+    pairs = pairs_of_obstacles(contacts, slaves)
+    return [SpaceObstacle(number, *each, *given) for number, each in enumerate(pairs.items())]

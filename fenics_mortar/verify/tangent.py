@@ -84,9 +84,8 @@ class OperatorMatrices:
 
     def slave_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
         """d(D^T z)/dd at fixed ``z`` (slave nodes, dim), shape (N, N) [stress]."""
-        return self._assemble(
-            [self._contacts[pair].operators.slave_force_derivative(z)], None, None
-        )
+        blocks = [self._contacts[pair].operators.slave_force_derivative(z)]
+        return self._assemble(blocks, None, None)
 
     def master_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
         """-d(M^T z)/dd at fixed ``z`` (slave nodes, dim), shape (N, N) [stress]."""
@@ -130,20 +129,18 @@ class OperatorMatrices:
                 f"{flux.law!r}: the field is solved for with the displacement; expected "
                 "Conductance(T, h) with the field's own function T"
             )
-        flux.refresh()
+        flux.evaluate(np.empty(0))  # it may have changed since
         return flux
 
     def _assemble(self, blocks: list[Block], rows: int | None, columns: int | None) -> PETSc.Mat:
         """Assemble blocks; ``None`` means the displacement dofs as rows or columns."""
         self._bulk.free_garbage()
-        sizes = [self._share(size) for size in (rows, columns)]
-        mat = BlockMatrix(self._bulk.comm, *sizes).assemble(blocks)
-        return mat
-
-    def _share(self, size: int | None) -> int:
-        if size is None:
-            return self._bulk.num_owned
-        return share_of(np.arange(size), self._bulk.comm).size
+        comm, owned = self._bulk.comm, self._bulk.num_owned
+        sizes = [
+            owned if size is None else share_of(np.arange(size), comm).size
+            for size in (rows, columns)
+        ]
+        return BlockMatrix(comm, *sizes).assemble(blocks)
 
     def _vector(self, values: Array) -> PETSc.Vec:
         self._bulk.free_garbage()
@@ -259,7 +256,7 @@ class _Probe:
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max(axis=0) * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
-        for flux in (flux for contact in self.contacts for flux in contact.fluxes):
+        for flux in (flux for contact in self.contacts for flux in contact.conductances):
             flux.settle()
         self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
@@ -300,7 +297,7 @@ class _Probe:
             rows.append(row[contact.slave.owned].ravel())
             contact.change(z=np.where(contact.components.acts, contact.z, 0.0))  # as in the system
             contact.add_loads(force)
-            for flux in contact.fluxes:
+            for flux in contact.conductances:
                 flux.add_row_loads(force)
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         pushed = self._mine(self.motions.forces().ravel())

@@ -108,7 +108,7 @@ def test_duplicate_elements_are_refused():
         model.mesh.addElementsByType(model.getEntities(2)[0][1], 2, [top], nodes[[1, 2, 0]])
         return model
 
-    with refused(fm.MeshError, r"1 elements are duplicates, one at \("):
+    with refused(fm.MeshError, r"1 cells are duplicates, one at \("):
         read(twice)
     if COMM.rank == 0:
         gmsh.finalize()

@@ -174,6 +174,16 @@ def test_law_cannot_write_into_the_state():
         rubbing_blocks(Careless(0.3)).problem.solve()
 
 
+def test_law_cannot_write_into_its_memory():
+    class Careless(laws.Worn):
+        def tangential(self, node, branch):
+            node.memory["wear"] = np.zeros_like(node.gap)
+            return super().tangential(node, branch)
+
+    with refused(TypeError, "does not support item assignment"):
+        rubbing_blocks(Careless(0.3, 0.01)).problem.solve()
+
+
 class Weak(fm.Coulomb):
     """Coulomb's law with a limit reduced by a constant; ``friction_limit`` is inherited."""
 

@@ -143,7 +143,7 @@ def test_tyres_that_turn_together_do_not_slip():
     e = problem.equations
     contact.start_step()
     carried_nodes = e.crossings.led.carried(e.crossings.accepted)
-    contact.lead(e.crossings.outline, carried_nodes)
+    contact.lead(contact.partners, e.crossings.outline, carried_nodes)
     led = contact.partners.led
     assert led.new.any() and not led.new.all()
     u.x.array[:] = (about + (x - about) @ R.T - X).ravel()

@@ -54,3 +54,22 @@ def test_slip_couples_nodes_of_laws_with_friction_or_nodal_state_alone():
     for law, couples in ((fm.Frictionless(), 0), (clinging(), 0), (fm.Coulomb(0.3), 1)):
         slave, master = small_blocks(pair={"law": law}).contact.coupled_by_slip()
         assert len(slave) == len(master) and bool(len(slave)) == bool(couples)
+
+
+class Limited(fm.Coulomb):
+    """Its friction limit is 7 stresses, in both methods that give one."""
+
+    def friction_limit(self, pressure):
+        return np.full_like(pressure, 7.0)
+
+
+class LimitedAnew(Limited):
+    def limit(self, node):
+        return np.full_like(node.z_n, 5.0), 0.0, 0.0
+
+
+@pytest.mark.parametrize("kind, limit", [(fm.Coulomb, 0.6), (Limited, 7.0), (LimitedAnew, 5.0)])
+def test_friction_limit_is_that_of_the_most_derived_class(kind, limit):
+    numbers = np.zeros(3)
+    node = Nodal(numbers, numbers, numbers + 2.0, numbers, numbers + 1.0, numbers + 1.0)
+    assert np.array_equal(kind(0.3).friction_limit_at(node), np.full(3, limit))

@@ -35,7 +35,7 @@ def test_slip_by_operators_agrees_with_its_formula(degree, pair):
     jump = new.jump(new.x, new.m) - old.jump(new.x, new.m)
     usual = -np.einsum("ja,ja->j", new.tau, jump)[both] / old.weight[both]
     partners = contact.partners
-    vectors = partners.gap_vectors(new)
+    vectors = partners.vectors(new)
     along = np.einsum("ja,ja->j", new.tau, vectors)
     along -= np.einsum("ja,ja->j", old.tau, partners.start)
     off, rotated = (

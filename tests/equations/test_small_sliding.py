@@ -50,7 +50,7 @@ def test_single_factorization_agrees_with_the_general_equations():
 @pytest.mark.parametrize("material", [linear_elastic, neo_hookean])
 def test_operators_are_evaluated_once(material, monkeypatch):
     calls = []
-    where = "fenics_mortar.contact.interface.evaluate_mortar"
+    where = "fenics_mortar.interface.integrals.evaluate_mortar"
     monkeypatch.setattr(where, lambda *a: calls.append(1) or evaluate_mortar(*a))
     scene = small_blocks(material=material)
     for step in PATH:

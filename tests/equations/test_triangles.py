@@ -9,8 +9,7 @@ import pytest
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from fenics_mortar.bulk.cells import Cells
-from fenics_mortar.equations.predictor import DIVISIONS, triangles_of
+from fenics_mortar.bulk.cells import DIVISIONS, Cells, triangles_of
 from fenics_mortar.utils import compat
 
 comm = MPI.COMM_WORLD

@@ -9,7 +9,7 @@ from small_scenes import pushed_block, small_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.equations.linearized_contact import BodyCompliance, LinearizedContact
+from fenics_mortar.equations.linearized_contact import LinearizedContact, displacements
 from fenics_mortar.rigid.proximal import RIGID
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block
@@ -62,7 +62,7 @@ def test_no_linearized_problem_without_possible_contact():
     scene.loads["push"].value[1] = 1.0
     scene.problem.solve()
     e = scene.problem.equations
-    assert not LinearizedContact(e.bulk, e.floating, e.system, e.motions).applies
+    assert not LinearizedContact(e).applies
 
 
 def test_floating_body_moves_as_on_its_weakest_springs():
@@ -73,7 +73,7 @@ def test_floating_body_moves_as_on_its_weakest_springs():
     dofs, motions = e.floating.motions(body)
     forces = np.zeros((e.bulk.num_owned, len(motions)))
     forces[dofs.ravel()] = motions.T
-    moves = BodyCompliance(e.bulk, e.floating).displacements(forces)
+    moves = displacements(e.bulk, e.floating, forces)
     weakest = RIGID.weakest_spring * body.stiffest / body.num_nodes
     assert np.abs(weakest * moves - forces).max(initial=0.0) < 1e-6
 
@@ -102,9 +102,7 @@ def test_multipliers_of_the_linearized_problem_are_those_of_small_loads():
     contact = equations.contacts[0]
     equations.evaluate(start=True)
     equations.bulk.assemble_tangent()
-    linearized = LinearizedContact(
-        equations.bulk, equations.floating, equations.system, equations.motions
-    )
+    linearized = LinearizedContact(equations)
     assert linearized.choose_sets(lambda: None)
     z = contact.z.copy()
     problem.solve()

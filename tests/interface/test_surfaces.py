@@ -31,7 +31,7 @@ def surface(build, name, degree=1, **options):
 def test_body_lies_on_the_left_of_each_facet(name, normal, cell):
     _, side = surface(two_blocks.build, name, cell=cell)
     edges = side.X[side.facets[:, 1]] - side.X[side.facets[:, 0]]
-    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / side.lengths[:, None]
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / side.facet_sizes[:, None]
     assert np.allclose(outward, normal, atol=1e-12)
 
 
@@ -107,7 +107,7 @@ def test_areas_of_nodes_by_hand():
     data = read(two_blocks.build, width_upper=1.5)
     around = DisplacementSpace(fm.vector_space(data.mesh, 1), thickness=AROUND)
     side = extract_surface(around, data.facet_tags, data.boundary_tags("upper/bottom"), "bottom")
-    r, (size, *_) = side.X[:, 0], side.lengths
+    r, (size, *_) = side.X[:, 0], side.facet_sizes
     exact = 2.0 * np.pi * r * size
     for end in (0, -1):
         exact[end] = np.pi * (r[end] + np.sign(r.mean() - r[end]) * size / 2.0) * size
@@ -131,7 +131,7 @@ def test_quadratic_facets_have_their_middle_between_their_ends(cell):
     assert np.array_equal(np.flatnonzero(side.inner), np.arange(1, 15, 2))
     a, middle, b = np.moveaxis(side.X[side.facets], 1, 0)
     assert np.allclose(middle, (a + b) / 2, atol=1e-15)
-    thirds = side.lengths[:, None] * np.array([1, 4, 1]) / 6
+    thirds = side.facet_sizes[:, None] * np.array([1, 4, 1]) / 6
     exact = np.bincount(side.facets.ravel(), thirds.ravel())
     assert np.allclose(side.nodal_lengths, exact, rtol=1e-14)
 
@@ -164,7 +164,7 @@ def test_curves_are_welded_where_an_end_is_a_start(degree):
             node = whole.following[node]
             x.append(whole.X[node, 0])
         assert len(x) == whole.num_nodes and (np.diff(x) < 0).all()
-        assert whole.lengths.sum() == pytest.approx(2.0)
+        assert whole.facet_sizes.sum() == pytest.approx(2.0)
         assert np.array_equal(np.sort(whole.facets.ravel())[[0, -1]], [0, whole.num_nodes - 1])
         u = fem.Function(V)
         u.interpolate(lambda X: X[:2])

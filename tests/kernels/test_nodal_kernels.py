@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Kernels of nodal fields, sets, forces and blocks, against numpy and against their definition."""
+"""Kernels of forces and blocks, against numpy and against their definition."""
 
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels import blocks, complementarity
+from fenics_mortar.interface.integrals import _force_block
+from fenics_mortar.kernels import blocks
 
 RNG = np.random.default_rng(3)
 N = 5  # slave nodes
@@ -13,86 +14,6 @@ N = 5  # slave nodes
 def unit_normals():
     angle = RNG.uniform(0.0, 6.0, N)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
-def tangents(n):
-    return np.stack([-n[:, 1], n[:, 0]], axis=1)
-
-
-def test_gaps_are_means_of_covered_nodes():
-    diagonal, carries = np.array([1.0, 1.0, 1e-12]), np.array([True, False, True])
-    covered, mean = np.empty(3, bool), np.empty(3)
-    complementarity.tabulate_gaps(
-        np.array([2.0, 3.0, 4.0]), np.full(3, 4.0), diagonal, np.ones(3), carries, 1e-9, covered,
-        mean,
-    )  # fmt: skip
-    assert covered.tolist() == [True, False, False] and mean.tolist() == [0.5, 0.0, 0.0]
-
-
-def test_multipliers_are_split_along_normal_and_tangent():
-    n, z = unit_normals(), RNG.normal(size=(N, 2))
-    z_n, z_tau = np.empty((2, N))
-    complementarity.split_multipliers(n, z, z_n, z_tau)
-    assert np.abs(z_n[:, None] * n + z_tau[:, None] * tangents(n) - z).max() < 1e-14
-
-
-@pytest.mark.parametrize("gap, z_n, a, before, covered, active", [
-    (0.1, 1.0, 0.0, False, True, True),  # 1 > 5 * 0.1
-    (0.3, 1.0, 0.0, True, True, False),
-    (0.1, 1.0, 0.0, True, False, False),
-    (1e-14, 1e-14, 0.0, True, True, True),  # both are rounding: unchanged
-    (1e-14, 1e-14, 0.0, False, True, False),
-    (0.3, -2.0, 2.0, False, True, False),  # adhesion, open
-    (-0.1, -2.0, 2.0, False, True, True),  # adhesion, overlapping
-    (-0.1, -2.0, 1.0, True, True, False),  # pulled off: -1 < -0.5
-])  # fmt: skip
-def test_active_set(gap, z_n, a, before, covered, active):
-    """One node with c_n = 1, modulus 5 and length 1; normal along y."""
-    n, new, found = np.array([[0.0, 1.0]]), np.empty((1, 2)), np.empty(1, bool)
-    z = np.array([[0.5, z_n]])
-    attracted = np.array([a > 0.0 and not before])
-    resets, moves = complementarity.update_sets(
-        np.array([gap]), np.array([covered]), np.array([z_n]), z, n, np.array([a]), attracted,
-        True, 1.0, np.array([5.0]), np.array([5.0]), np.ones(1), -np.inf, np.ones((1, 2)), 1e-12,
-        np.array([before]), found, new,
-    )  # fmt: skip
-    assert found[0] == active and resets == (active != before)
-    expected = z[0] if active else [0.5 * attracted[0], -a]
-    assert new[0].tolist() == pytest.approx(expected) and moves == (new != z).any()
-
-
-def test_touching_nodes_are_active_at_the_start():
-    n, new, active = np.array([[0.0, 1.0]] * 2), np.empty((2, 2)), np.empty(2, bool)
-    none, one = np.zeros(2), np.ones(2)
-    complementarity.update_sets(
-        np.array([0.01, 0.02]), one > 0.0, none, np.zeros((2, 2)), n, none, one < 0.0, False, 1.0,
-        one, one, one, 0.015, n, 1e-12, one < 0.0, active, new,
-    )  # fmt: skip
-    assert active.tolist() == [True, False]
-
-
-def test_size_of_rows():
-    """An active node, an open one under adhesion, an idle one."""
-    diagonal = np.array([2.0, 3.0, 4.0])
-    active, attracted = np.array([True, False, False]), np.array([False, True, False])
-    squares, largest = complementarity.measure_rows(
-        np.array([-0.5, 1.0, 2.0]), np.full(3, 0.25), np.full(3, 8.0), diagonal, np.full(3, 0.1),
-        np.full(3, 10.0), active, attracted,
-    )  # fmt: skip
-    assert squares == pytest.approx(4.0**2 + 20.0**2 + 0.3**2 + 30.0**2) and largest == 2.0
-
-
-def test_multiplier_nodes_stay_after_many_changes():
-    """The first node has little cover, and its neighbour much."""
-    cover, sides = np.array([0.01, 1.0]), np.array([[-1, 0], [1, -1]])
-    new, helped = np.empty((2, 2), bool)
-    for changes, count in ((0, 1), (4, 0)):
-        changed = complementarity.choose(
-            cover, np.ones(2, bool), sides, 0.05, np.ones(2, bool), np.array([changes, 0]), 4, True,
-            new, helped,
-        )  # fmt: skip
-        assert changed == count and new.tolist() == [not count, True]
-    assert helped.tolist() == [True, False]
 
 
 def test_forces_are_products_with_D_and_M():
@@ -129,11 +50,11 @@ def test_rows_are_expanded_and_derivatives_weighed():
     assert rows.tolist() == [[0, 1, 4, 5], [4, 5, 2, 3]]
     expected = np.einsum("bja,bjq->bjaq", directions[nodes], values).reshape(2, 4, 3)
     assert np.abs(expanded - expected).max() < 1e-14
-    dX, which, z = RNG.normal(size=(3, 2, 2, 6)), np.array([0, 1, 0]), RNG.normal(size=(N, 2))
-    weighed = np.empty((3, 4, 6))
-    blocks.weigh_derivatives(dX, which, nodes, z, -2.0, weighed)
-    expected = -2.0 * np.einsum("pjkq,pjc->pkcq", dX, z[nodes[which]]).reshape(3, 4, 6)
-    assert np.abs(weighed - expected).max() < 1e-14
+    dX, z = RNG.normal(size=(3, 2, 2, 6)), RNG.normal(size=(3, 2, 2))
+    block = _force_block(dX, z, np.arange(12).reshape(3, 2, 2), np.zeros((3, 6), int))
+    expected = np.einsum("pjkq,pjc->pkcq", dX, z).reshape(3, 4, 6)
+    assert np.abs(block.values - expected).max() < 1e-14
+    assert block.rows.tolist() == np.arange(12).reshape(3, 4).tolist()
 
 
 def test_entries_of_condensed_forces():

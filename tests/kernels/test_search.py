@@ -5,17 +5,18 @@ import numpy as np
 import pytest
 from curves import LIMITS, Curves, wavy
 
+from fenics_mortar.interface.integrals import nothing_behind
 from fenics_mortar.kernels import search
+from fenics_mortar.utils.arrays import ROUNDING
 
 
 def all_to_all(pair):
     """Segments from every pair of facets, for comparison with the tree."""
     n, _ = pair.normals(pair.x)
     found, everything = np.empty((1000, 7)), np.arange(len(pair.master))
+    rest = 10.0, LIMITS, found, (*nothing_behind(1), ROUNDING), 0, None
     counts = [
-        search.facet_segments(
-            (pair.x, n, pair.m), nodes, pair.master, everything, 10.0, LIMITS, found
-        )
+        search.facet_segments((pair.x, n, pair.m), nodes, pair.master, everything, *rest)
         for nodes in pair.slave
     ]
     return np.array(counts)

@@ -19,8 +19,8 @@ def clipped(slave, master):
     area = signed_area(slave, len(slave))
     count = clip(images, rows[: len(slave)], rows[len(slave) :], area, work)
     V, shares = np.empty((12, 2)), np.empty((12, 2))
-    place_vertices(images, work[1], count, V, shares)
-    assert np.abs(V[:count] - work[0][:count]).max(initial=0.0) < 1e-13
+    place_vertices(images, work[0], count, V, shares)
+    assert np.abs(V[:count] - work[0][:count, :2]).max(initial=0.0) < 1e-13
     return V[:count], signed_area(V, count)
 
 

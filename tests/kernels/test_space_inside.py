@@ -6,14 +6,13 @@ import pytest
 from surfaces_in_space import rotation
 
 from fenics_mortar.kernels.space.inside import (
+    RAY,
     depths_inside,
     find_piercings,
-    winding_by_angles,
     winding_number,
 )
 from fenics_mortar.kernels.space.passage import (
-    find_edge_events,
-    find_node_events,
+    find_events,
     roots_of_cubic,
 )
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
@@ -56,23 +55,45 @@ def test_winding_numbers_of_a_turned_cube():
         boxes, hits = tree(turned, triangles)
         for p, is_inside in zip(points @ turn.T, inside, strict=True):
             expected = int(is_inside)
-            assert winding_by_angles(turned, triangles, p) == expected
             assert winding_number(turned, triangles, boxes, hits, p) == expected
         inverted = np.ascontiguousarray(triangles[:, ::-1])
         assert winding_number(turned, inverted, boxes, hits, turn @ np.full(3, 0.4)) == -1
 
 
-def test_a_ray_through_edges_and_corners_is_decided_by_angles():
-    """A point from which the ray passes exactly through a node."""
-    from fenics_mortar.kernels.space.inside import FRAME, meets_ray
+def solid_angles(x, triangles, p):
+    """Winding number by the solid angles of all triangles (van Oosterom & Strackee 1983)."""
+    a, b, c = np.moveaxis(x[triangles] - p, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    ab, bc, ca = ((v * w).sum(axis=1) for v, w in ((a, b), (b, c), (c, a)))
+    volumes = (a * np.cross(b, c)).sum(axis=1)
+    return np.arctan2(volumes, la * lb * lc + ab * lc + bc * la + ca * lb).sum() / (2.0 * np.pi)
 
-    x, triangles = cube(2)
+
+def test_winding_numbers_of_a_crumpled_surface():
+    """One that crosses itself many times, by rays and by solid angles."""
+    x, triangles = cube(3)
+    rng = np.random.default_rng(5)
+    x = x + rng.uniform(-0.4, 0.4, x.shape)
     boxes, hits = tree(x, triangles)
-    node = x[np.argmax(x @ FRAME[2])] * [1.0, 1.0, 1.0]
-    p = node - 0.3 * FRAME[2]
-    assert 2 in [meets_ray(x, nodes, p) for nodes in triangles]
-    assert winding_number(x, triangles, boxes, hits, p) == 1
-    assert winding_number(x, triangles, boxes, hits, node + 0.3 * FRAME[2]) == 0
+    for p in rng.uniform(-0.5, 1.5, (400, 3)):
+        expected = pytest.approx(solid_angles(x, triangles, p), abs=1e-9)
+        assert winding_number(x, triangles, boxes, hits, p) == expected
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_ray_through_edges_and_corners(count):
+    """Points from which the ray passes through nodes and middles of edges, up to rounding."""
+    x, triangles = cube(count)
+    boxes, hits = tree(x, triangles)
+    ray, middle = RAY / np.linalg.norm(RAY), np.full(3, 0.5)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+    ends = x[edges]
+    for place in (0.0, 0.3, 0.5, 1.0):
+        for end in (1.0 - place) * ends[:, 0] + place * ends[:, 1]:
+            for p in (end - 0.31 * ray, end + 0.27 * ray):
+                if np.abs(np.abs(p - middle).max() - 0.5) > 1e-6:
+                    expected = int(np.abs(p - middle).max() < 0.5)
+                    assert winding_number(x, triangles, boxes, hits, p) == expected
 
 
 def test_twice_covered_points_and_depths():
@@ -116,6 +137,34 @@ def test_piercings_of_an_edge_through_a_cube():
     assert second[2:] == pytest.approx([0.2, 1.0])
 
 
+def octahedron():
+    """Outward triangles, and the corners, first those on the axes' negative sides."""
+    triangles = [
+        (0, 2, 1),
+        (0, 1, 5),
+        (0, 5, 4),
+        (0, 4, 2),
+        (3, 1, 2),
+        (3, 5, 1),
+        (3, 4, 5),
+        (3, 2, 4),
+    ]
+    return np.concatenate([-np.eye(3), np.eye(3)]), np.array(triangles)
+
+
+def test_an_edge_through_nodes_enters_and_leaves_once():
+    """The triangles around a node share it on the line, whatever the numbers of the nodes are."""
+    corners, triangles = octahedron()
+    for seed in range(60):
+        new, axis = np.random.default_rng(seed).permutation(8), 2.0 * np.eye(3)[seed % 3]
+        x = np.empty((8, 3))
+        x[new] = np.concatenate([corners, [-axis, axis]])
+        numbered = np.ascontiguousarray(new[triangles])
+        rows = find_piercings(x, new[None, 6:], numbered, build_tree(x, numbered))
+        assert sorted(rows[:, 3]) == [-1.0, 1.0]
+        assert np.allclose(np.sort(rows[:, 2]), [0.25, 0.75])
+
+
 def test_roots_of_cubics():
     rng, work, roots = np.random.default_rng(2), np.empty(4), np.empty(4)
     for k in range(300):
@@ -131,21 +180,20 @@ def test_roots_of_cubics():
 def test_times_at_which_a_node_meets_a_turning_triangle():
     x0 = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 1.0], [3.0, 3.0, 1.0]])
     x1 = x0 + np.outer([0.2, 0.2, 0.2, -1.4, -1.4], [0, 0, 1])
-    (row,) = find_node_events(x0, x1, np.array([3, 4]), np.array([[0, 1, 2]]))
-    assert row == pytest.approx([3, 0, 1.0 / 1.6, 1.0])
-    (row,) = find_node_events(x1, x0, np.array([3, 4]), np.array([[0, 1, 2]]))
-    assert row == pytest.approx([3, 0, 1.0 - 1.0 / 1.6, -1.0])
-    assert not len(find_node_events(x0, x1, np.array([0]), np.array([[0, 1, 2]])))
+    triangle, none = np.array([[0, 1, 2]]), np.empty((0, 3))
+    (row,) = find_events(x0, x1, np.array([[3], [4]]), triangle, none)
+    assert row[:4] == pytest.approx([0, 0, 1.0 / 1.6, 1.0])
+    (row,) = find_events(x1, x0, np.array([[3], [4]]), triangle, none)
+    assert row[:4] == pytest.approx([0, 0, 1.0 - 1.0 / 1.6, -1.0])
+    assert not len(find_events(x0, x1, np.array([[0]]), triangle, none))
 
 
 def test_times_at_which_edges_meet():
     x0 = np.array([[-1.0, 0, 1], [1, 0, 1], [0, -1, 0], [0, 3, 0]])
     x1 = x0 - [[0, 0, 4], [0, 0, 4], [0, 0, 0], [0, 0, 0]]
     edge, other, up = np.array([[0, 1]]), np.array([[2, 3]]), np.array([[0.0, 0, 1]])
-    (row,) = find_edge_events(x0, x1, edge, other, up)
+    (row,) = find_events(x0, x1, edge, other, up)
     assert row == pytest.approx([0, 0, 0.25, 1.0, 0.5])
-    (row,) = find_edge_events(x0, x1, edge, other, -up)
+    (row,) = find_events(x0, x1, edge, other, -up)
     assert row[3] == -1.0
-    assert not len(
-        find_edge_events(x0 + 5 * np.eye(3)[0] * [[1], [1], [0], [0]], x1, edge, other, up)
-    )
+    assert not len(find_events(x0 + 5 * np.eye(3)[0] * [[1], [1], [0], [0]], x1, edge, other, up))

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Blocks, products and small matrices of some rows, added to a large matrix: result and cost."""
 
+from types import SimpleNamespace
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -10,7 +12,7 @@ from scenes import pressed_blocks
 
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la import sparse
-from fenics_mortar.la.condensed import Elimination
+from fenics_mortar.la.condensed import ContactColumns
 from fenics_mortar.la.sparse import BlockMatrix, Product, SomeRows, add_blocks, packed, summed_rows
 
 comm = MPI.COMM_WORLD
@@ -72,8 +74,8 @@ def test_elimination_multiplies_as_the_matrix_of_its_entries(seed):
     w, R = generator.normal(size=shape[0]), np.zeros(shape)
     np.add.at(R, (i, j), v)
     mine = slice(columns * comm.rank, columns * (comm.rank + 1))
-    elimination = Elimination(comm, some, mine.start, columns)
-    elimination.set_entries(i[comm.rank], j[comm.rank], v[comm.rank])
+    system = SimpleNamespace(comm=comm, first_z_dof=mine.start, num_z_dofs=columns)
+    elimination = ContactColumns(system, some, (i[comm.rank], j[comm.rank], v[comm.rank]))
     assert np.abs(elimination.times(x[mine]) - (R @ x)[some.numbers]).max() < 1e-13
     transposed = elimination.transposed_times(w[some.numbers])
     assert np.abs(transposed - (R.T @ w)[mine]).max() < 1e-13

@@ -18,7 +18,7 @@ from dimension_scenes import (
 from heat_scenes import stacked_in_space
 
 import fenics_mortar as fm
-from fenics_mortar.equations.predictor import triangulate
+from fenics_mortar.bulk.cells import triangulate
 from fenics_mortar.models.in_space import Section, interpolate
 from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
 from fenics_mortar.obstacles.rigid_motion import rotation_by

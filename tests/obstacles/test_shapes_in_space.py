@@ -144,7 +144,7 @@ def test_rotation_vectors():
         w = random.normal(size=3)
         w *= size / np.linalg.norm(w)
         R = rotation_by(w)
-        assert np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-15)
+        assert np.allclose(R @ R.T, np.eye(3), rtol=0, atol=2e-15)
         assert np.allclose(vector_of(R), w, rtol=0, atol=1e-14 + 1e-9 * (size > 3.14))
         for i, step in enumerate(1e-6 * np.eye(3)):
             dR = (rotation_by(w + step) - rotation_by(w - step)) / 2e-6

@@ -50,11 +50,13 @@ LOCAL = (
     ".adhesion_at", ".check_field", ".closing_gap", ".remember", ".local_by_shapes", ".set_shape",
 )  # fmt: skip
 # The error that nodes cannot be moved, a package that is not installed, and derivatives of the
-# memory of laws; other tests have them. Laws without adhesion are not asked for it.
+# memory of laws; other tests have them. Laws without adhesion are not asked for it, and those with
+# a limit at nodes not for that of a pressure.
 ELSEWHERE = {
     "NodalPositions.set", "to_autograd", "LawParameter.memory", "Offset.memory",
     "Interference.memory", "ObstacleShape.memory", "ObstacleLoad.pairs", "ObstaclePlace.pairs",
     "Coulomb.adhesion", "Frictionless.adhesion", "Tresca.adhesion",
+    "Coulomb.friction_limit", "Tresca.friction_limit",
 }  # fmt: skip
 # Called by the scene "written", but not listed by cProfile of Python 3.13; results are compared.
 UNLISTED = {"plot"}

@@ -175,7 +175,7 @@ def test_a_path_may_be_interrupted_anywhere():
         except KeyboardInterrupt as error:
             sys.settrace(None)
             noted = getattr(error, "__notes__", [""])
-            at = re.match(r"the problem is at time (\S+) of the path", noted[0])
+            at = re.match(r"the problem is at time (\S+), its last", noted[0])
             assert at is not None or len(times) == 1 or times[-1] == 1.0
             reached = times[-1] if at is None else float(at[1])
             assert reached in (times[-1], times[-1] + 0.25)  # on_step comes after the step

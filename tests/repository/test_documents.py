@@ -36,12 +36,13 @@ def test_scripts_in_the_readme_compile():
 @pytest.mark.serial
 @pytest.mark.once
 def test_troubleshooting_quotes_messages_of_the_code():
-    """Headings are messages of the package, with … in place of variable parts."""
+    """Headings are messages of the package or of meshes, with … in place of variable parts."""
     page = (ROOT / "demos" / "guide" / "site" / "troubleshooting.md").read_text()
     quoted = re.findall(r"^### `(.*)`$", page, re.MULTILINE)
     messages = [
         re.sub(r"\s+", " ", text)
-        for file in (ROOT / "fenics_mortar").rglob("*.py")
+        for folder in ("fenics_mortar", "meshes")
+        for file in (ROOT / folder).rglob("*.py")
         for text in texts_of(ast.parse(file.read_text()))
     ]
     unknown = [quote for quote in quoted if not any(has_in_order(text, quote) for text in messages)]

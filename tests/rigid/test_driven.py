@@ -256,7 +256,7 @@ def test_block_between_a_floor_and_a_lid():
     [
         ({"y": 1.0}, "can move along (0, 1) freely"),
         ({"x": 1.0}, "can move along (1, 0) freely"),
-        ({"moment": 1.0}, "can turn freely"),
+        ({"moment": 1.0}, "can rotate about (0.5, 2.1) freely"),
     ],
 )
 def test_unsupported_obstacle_is_refused(loads, message):

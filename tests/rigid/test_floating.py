@@ -16,6 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.rigid.complementarity import nearest_below
+from fenics_mortar.rigid.floating import _beginning, _limit_analysis, unsupported
 from fenics_mortar.rigid.proximal import RIGID
 from meshes.mapped_grids import Grid, block, mesh
 
@@ -55,11 +56,9 @@ def test_a_body_that_others_carry_along_is_not_said_to_slide_in_a_direction_of_r
     problem = fm.ContactProblem(residual, u, pairs, petsc_options_prefix="carried_")
     problem.solve()
     floating, (bulk, _) = problem.equations.floating, problem.equations.evaluate_forces()
-    limits = floating.settling._limit_analysis(bulk)
+    limits = _limit_analysis(floating, bulk)
     told = {
-        floating.name_of(body.label): floating.settling._beginning(
-            body.label, *limits, may_tip=False
-        )()
+        floating.name_of(body.label): _beginning(floating, body.label, *limits, may_tip=False)()
         for body in floating.bodies
     }
     assert told["body 'lower'"] == "" and "to move along (1, " in told["body 'upper'"]
@@ -274,8 +273,7 @@ def test_adhesion_across_a_gap_carries_weight():
     z = contact.z.copy()
     for touching, sign in ((inner, 1.0), (~inner, 1.0), (inner, -1.0), (~inner, -1.0)):
         contact.change(active=touching, z=sign * z)
-        unsupported = equations.floating.settling.unsupported(loads)
-        assert bool(unsupported) == (sign < 0.0)
+        assert bool(unsupported(equations.floating, loads)) == (sign < 0.0)
 
 
 def test_a_block_that_is_pulled_off_is_not_said_to_tip_over():

@@ -14,7 +14,7 @@ import fenics_mortar as fm
 from fenics_mortar.equations import solver
 from fenics_mortar.equations.diagnosis import Remedies
 from fenics_mortar.rigid import proximal
-from fenics_mortar.rigid.proximal import over_contact, slides
+from fenics_mortar.rigid.proximal import carried_by
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -201,9 +201,10 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
 
 
 def test_springs_without_contact_are_reported():
-    assert over_contact(1.0, 4.0) == 0.25
-    assert over_contact(0.0, 0.0) == 0.0
-    assert over_contact(1e-9, 0.0) == np.inf
+    cases = {(1.0, 4.0): 0.25, (0.0, 0.0): 0.0, (1e-9, 0.0): np.inf}
+    for forces, expected in cases.items():
+        carried = carried_by(*forces, "disk", [], lambda: "turn")
+        assert carried == ("disk", expected, False, "turn" if forces[0] else "")
 
 
 @pytest.mark.parametrize(("own", "expected"), [([0], True), ([0, 1], False), ([3], False)])
@@ -212,14 +213,17 @@ def test_a_body_slides_if_no_node_of_its_own_sticks(own, expected):
     contact = SimpleNamespace(
         sliding=np.array([True, False, True, False]), sticking=np.arange(4) == 1
     )
-    assert slides([(contact, np.isin(np.arange(4), own))]) == expected
+    nodes = [(contact, np.isin(np.arange(4), own))]
+    assert carried_by(1.0, 1.0, "disk", nodes, str).slides == expected
 
 
 def test_a_residual_that_is_not_finite_is_no_slight_force():
     """Weak springs would start from the state of a failed iteration, five times."""
     floating = SimpleNamespace(anchored=False, loose=list, bodies=[0], names=lambda bodies: "disk")
-    record = SimpleNamespace(residuals=[1.0, 0.0])
-    remedies = Remedies(floating, SimpleNamespace(force=1.0), record, lambda snap: False)
+    forces = SimpleNamespace(force=1.0)
+    equations = SimpleNamespace(contacts=[], floating=floating, residual=forces)
+    remedies = Remedies(equations, lambda snap: False)
+    remedies.residuals += [1.0, 0.0]
     assert "disk" in remedies.drifts()
-    record.residuals[-1] = float("nan")
+    remedies.residuals[-1] = float("nan")
     assert not remedies.drifts()

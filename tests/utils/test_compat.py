@@ -9,7 +9,6 @@ from pathlib import Path
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import gmsh
 import numpy as np
 import pytest
 
@@ -99,29 +98,6 @@ def test_petsc_vec_and_function_share_their_memory():
 
 
 @pytest.mark.parametrize("cell", CELLS)
-def test_interpolated_expression_is_exact_where_the_space_holds_it(cell):
-    mesh = unit_square(cell)
-    V = compat.vector_space(mesh, 1)
-    u, gradient = fem.Function(V), fem.Function(V)
-    u.interpolate(lambda x: np.array([2 * x[0] - x[1], x[0] + 3 * x[1]]))
-    compat.interpolate_expression(gradient, ufl.grad(u)[0, :] + ufl.SpatialCoordinate(mesh))
-    right = V.tabulate_dof_coordinates()[:, :2] + (2.0, -1.0)
-    assert all_ranks(np.allclose(gradient.x.array.reshape(-1, 2), right, atol=1e-13))
-
-
-def test_interpolated_jump_is_the_same_on_all_ranks():
-    """A cellwise constant field has several values at a node; all ranks must use the same one."""
-    mesh = unit_square("triangle")
-    cellwise = fem.Function(compat.scalar_space(mesh, 0, "DG"))
-    cellwise.x.array[:] = 1.0 + COMM.rank
-    u = fem.Function(compat.scalar_space(mesh, 1))
-    compat.interpolate_expression(u, 1.0 * cellwise)
-    before = u.x.array.copy()
-    u.x.scatter_forward()
-    assert all_ranks((u.x.array == before).all())
-
-
-@pytest.mark.parametrize("cell", CELLS)
 def test_dofmap_and_geometry_dofmap_lead_to_the_same_points(cell):
     mesh = unit_square(cell)
     V = compat.vector_space(mesh, 1)
@@ -204,14 +180,6 @@ def test_mesh_from_arrays_can_have_curved_sides():
     mesh = compat.create_mesh(COMM, np.arange(6).reshape(1, 6)[own], x[own], "triangle", 2)
     # a parabola of height 0.3 over a side of length 1 adds the area 2/3 0.3
     assert area(mesh) == pytest.approx(0.5 + 0.2, rel=1e-14)
-
-
-def test_initialization_of_gmsh_is_detected():
-    assert not compat.gmsh_is_initialized(gmsh)
-    gmsh.initialize()
-    assert compat.gmsh_is_initialized(gmsh)
-    gmsh.finalize()
-    assert not compat.gmsh_is_initialized(gmsh)
 
 
 @pytest.mark.parametrize("component", (None, 1))

@@ -82,7 +82,7 @@ def test_penetration_between_nodes_is_reported():
     ):
         for part, expected in ((1.0, right), (3.0, wrong)):
             u.x.array[:] = start
-            u.x.array[up] += part * facets * contact.slave.lengths.max()
+            u.x.array[up] += part * facets * contact.slave.facet_sizes.max()
             u.x.scatter_forward()
             contact.evaluate(u.x.array, scene.problem.equations.linearization)
             (pair,) = scene.problem.certificate().pairs
@@ -160,7 +160,7 @@ NEW_CHECK = """
 from fenics_mortar.verify.finding import Finding
 
 def of_contact(measured):
-    shortest = float(measured.contact.slave.lengths.min())
+    shortest = float(measured.contact.slave.facet_sizes.min())
     yield Finding("shortest", "shortest facet", shortest, "too long", limit=0.0, unit="mm")
 """
 
@@ -175,7 +175,7 @@ def test_new_check_is_one_new_module(tmp_path, monkeypatch):
             scene.problem.solve()
     finally:
         checks.checks.cache_clear()
-    shortest = float(scene.contact.slave.lengths.min())
+    shortest = float(scene.contact.slave.facet_sizes.min())
     assert failed.value.report.certificate.pairs[0]["shortest"].value == shortest
     assert f"| shortest facet [mm] | {shortest:.2g} |" in str(failed.value.report.certificate)
 

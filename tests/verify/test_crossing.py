@@ -245,11 +245,12 @@ def test_exit_through_the_first_facet_is_reported():
     _, problem = block_over_plate()
     crossings = problem.equations.crossings
     outline = crossings.outline
-    node = np.flatnonzero(outline.bodies != outline.segment_bodies[0])[0]
+    body = int(outline.segment_bodies[0])
+    node = np.flatnonzero(outline.bodies != body)[0]
     for leaves, count in ((0, 1), (-1, 0)):
         rows = np.array([[node, 0, leaves, 0.0]])
         messages = crossings.in_step._messages(
-            rows, crossings.accepted.x, lambda x: np.zeros(len(x))
+            rows, body, crossings.accepted.x, lambda x: np.zeros(len(x))
         )
         assert len(messages) == count and all("went through" in each for each in messages)
 

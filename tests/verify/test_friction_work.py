@@ -56,7 +56,7 @@ def test_rolling_tyres_with_slip_of_unknown_direction_are_refused(ratio, per_tur
     problem.restore(start)
     left.move(angle=places[0][2])
     right.move(x=-0.02, angle=places[1][2])
-    monkeypatch.setattr(Contact, "_lead", lambda self, *given: np.zeros(self.slave.num_nodes))
+    monkeypatch.setattr(Contact, "lead", lambda self, *given: np.zeros(self.slave.num_nodes))
     with refused(fm.NotConvergedError, "direction of friction is unknown: take smaller steps"):
         problem.solve()
 
@@ -65,7 +65,7 @@ def test_rolling_tyres_with_slip_of_unknown_direction_are_refused(ratio, per_tur
 def test_rolling_tyres_in_space_are_judged(per_turn, told, monkeypatch):
     """As in the plane; of small steps the slip is known."""
     if not told or per_turn == 72:
-        monkeypatch.setattr(Contact, "_lead", lambda self, *given: np.zeros(self.slave.num_nodes))
+        monkeypatch.setattr(Contact, "lead", lambda self, *given: np.zeros(self.slave.num_nodes))
 
     def tyre(name, start, centre):
         def position(s, t, r):

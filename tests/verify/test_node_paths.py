@@ -9,8 +9,8 @@ from test_crossing_kernels import circle, outline, rectangle
 import fenics_mortar as fm
 from fenics_mortar.kernels import passage
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Motions, Paths, StepEnds, carry
-from fenics_mortar.verify.obstacle_passages import own_frame, passed_through
+from fenics_mortar.verify.node_paths import Motions, Paths, StepEnds
+from fenics_mortar.verify.obstacle_passages import events_on, own_frame, passed_through
 
 
 def node_paths(motions):
@@ -21,35 +21,16 @@ def node_paths(motions):
 
 def count_passages(x0, x1, segments, after, before, bodies):
     """Number of paths through bodies, searched as in ``Passages``."""
-    none, of_segments = np.zeros(len(x0), bool), bodies[segments[:, 0]]
-    paths = Paths(StepEnds(x0, x1, none), bodies, [], 1e-3)
-    motions = paths.motions
-    everything = np.ones(len(segments), bool)
-    looks = [
-        (np.array([x0, x1]), passage.OTHERS, everything),
-        (np.array([motions.moved_with_own_body(), x1]), passage.OWN, everything),
-    ]
-    if not motions.are_small:
-        frames = [paths.frame_of(i) for i in range(len(motions.labels))]
-        looks = [
-            (carry(frame, paths.seen_from(frame)), passage.ALL, of_segments == body)
-            for frame, body in zip(frames, motions.labels)
-        ]
-    lengths, count = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T), 0
-    for along, which, marked in looks:
-        at, events = np.flatnonzero(marked), []
-        for k in range(len(along) - 1):
-            rows = passage.find_events(
-                along[k], along[k + 1], segments[at], of_segments[at], bodies, which
-            )
-            rows[:, 1], rows[:, 2] = at[rows[:, 1].astype(int)], rows[:, 2] + k
-            events.append(rows)
-        every = np.concatenate(events)
-        body = of_segments[every[:, 1].astype(int)]
-        every = every[np.lexsort((every[:, 2], body, every[:, 0]))]
-        none = np.full(len(x1), -1)
+    of_segments, count = bodies[segments[:, 0]], 0
+    paths = Paths(StepEnds(x0, x1, np.zeros(len(x0), bool)), bodies, [], 1e-3)
+    none = np.full(len(x1), -1)
+    lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
+    for i, body in enumerate(paths.motions.labels):
+        along, at = paths.seen_from(paths.frame_of(i)), np.flatnonzero(of_segments == body)
+        every = events_on(along, passage.find_events, np.arange(len(x0)), segments[at])
+        every[:, 1] = at[every[:, 1].astype(int)]
         rows = passage.find_passages(
-            np.asarray(along), segments, after, before, none, lengths, of_segments, every
+            along, segments, after, before, none, lengths, of_segments, every
         )
         count += int((rows[:, 2] >= 0).sum())
     return count
@@ -114,7 +95,7 @@ def test_nodes_on_a_rotating_obstacle_are_no_passage(seed):
             own_frame(sheet, x, np.array(place))
             for x, place in ((block, (0.0, 0.0, 0.0)), (end, (*shift, angle)))
         )
-        knots = node_paths(Motions(StepEnds(x0, x1), np.zeros(len(x0), np.int64)))
+        knots = node_paths(Motions(StepEnds(x0, x1), (np.arange(1), np.zeros(len(x0), np.int64))))
         depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
         assert (depth > 0.0).any() == through
 
@@ -126,5 +107,5 @@ def test_passage_of_a_small_obstacle_between_nodes_is_detected(middle, depth):
     ball = fm.Circle((middle, 0.11), 0.11)
     x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)
     moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))
-    knots = node_paths(Motions(StepEnds(x0, moved), np.zeros(11, np.int64)))
+    knots = node_paths(Motions(StepEnds(x0, moved), (np.arange(1), np.zeros(11, np.int64))))
     assert (passed_through(ball, knots, np.zeros(11), np.full(11, 0.1)) > 0.0).any()

@@ -57,7 +57,7 @@ FIRST = (
 OF_DEVELOPERS = frozenset({
     "assess", "before", "by_before", "by_control", "check", "check_field", "check_for_tie",
     "counting_slip_from", "explicit", "followed_by", "has_adhesion", "has_closing_gap",
-    "has_friction", "has_nodal_adhesion", "has_nodal_limit", "is_distributed", "is_of_package",
+    "has_friction", "has_nodal_adhesion", "is_distributed",
     "jvp", "local", "local_by_shapes", "motions", "needs_nodal_state", "options",
     "prepare", "present_jump", "quantity", "replaced", "restore_data", "salient_points",
     "saved_data", "set_shape", "snapshot", "to_own_frame", "to_space",

@@ -21,8 +21,8 @@ import fenics_mortar as fm
 class ImplicitContact(fm.Dynamics):
     """The trapezoidal rule, but contact forces only of the end of the step (Kane et al. 1999)."""
 
-    def _advance(self, dt: float, forces: Any) -> Any:
-        done = super()._advance(dt, forces)
+    def _advance(self, dt: float, forces: Any, **given: Any) -> Any:
+        done = super()._advance(dt, forces, **given)
         inertia, bulk = self._inertia, self.problem.equations.bulk
         rates, contact = inertia.rates, self.problem.forces()[1]
         w = rates.acceleration + inertia.acceleration_of(contact, bulk.prescribed)
@@ -49,7 +49,7 @@ class StabilizedNewmark(ImplicitContact):
     The projection minimizes the norm of the mass, with gaps linear in the motion of the step.
     """
 
-    def _advance(self, dt: float, forces: Any) -> Any:
+    def _advance(self, dt: float, forces: Any, **given: Any) -> Any:
         inertia = self._inertia
         rates, (gap, rows, over_mass) = inertia.rates, self._gaps()
         after = gap + dt * rows @ rates.velocity
@@ -60,7 +60,7 @@ class StabilizedNewmark(ImplicitContact):
             change = impulses @ over_mass / dt
         inertia.rates = replace(rates, velocity=rates.velocity + change)
         try:
-            done = super()._advance(dt, forces)
+            done = super()._advance(dt, forces, **given)
         except BaseException:
             inertia.rates = rates
             raise
@@ -77,10 +77,10 @@ class NodalReturn(ImplicitContact):
 
     _deficit: np.ndarray | None = None
 
-    def _advance(self, dt: float, forces: Any) -> Any:
+    def _advance(self, dt: float, forces: Any, **given: Any) -> Any:
         inertia, gap = self._inertia, self._gaps()[0]
         deficit = np.zeros_like(gap) if self._deficit is None else self._deficit
-        done = super()._advance(dt, forces)
+        done = super()._advance(dt, forces, **given)
         contact = self.problem.equations.contacts[0]
         after, rows, over_mass = self._gaps()
         pressure = 0.5 * np.einsum("jc,jc->j", contact.z, contact.operators.n)

@@ -2,9 +2,7 @@
 """Points inside closed surfaces of triangles: winding numbers, and distances from the surface.
 
 The winding number is the sum of the signs of the triangles that a ray leaves or enters through. The
-ray has a direction that is not parallel to anything in a mesh. Where it passes a triangle's edge
-within rounding the number is that of the solid angles of all triangles (van Oosterom & Strackee
-1983).
+ray has a direction that is not parallel to anything in a mesh.
 
 Also edges of surfaces that pierce triangles.
 
@@ -17,68 +15,18 @@ Partners behind a slave point in space, as ``kernels.sight`` in the plane.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import det, dot, grown
+from fenics_mortar.kernels.blocks import dot, grown
 from fenics_mortar.kernels.sight import covers_point, first_exit
 from fenics_mortar.kernels.space.normals import set_across
-from fenics_mortar.kernels.space.triangles import nearest_triangle, volume
+from fenics_mortar.kernels.space.triangles import nearest_triangle
 from fenics_mortar.kernels.tree import query_tree
 from fenics_mortar.utils.arrays import ROUNDING
 
-# Direction of the rays, and two directions across, a right-handed orthonormal frame (Rodrigues
-# rotation of the axes by an angle [radian] that no mesh has).
-_ANGLE, _AXIS = 0.7368062997, np.array([0.3711, 0.5423, 0.7537])
-_UNIT = _AXIS / np.linalg.norm(_AXIS)
-_CROSS = np.array(
-    [[0.0, -_UNIT[2], _UNIT[1]], [_UNIT[2], 0.0, -_UNIT[0]], [-_UNIT[1], _UNIT[0], 0.0]]
-)
-# The frame: direction of the rays first [1].
-FRAME = np.eye(3) + np.sin(_ANGLE) * _CROSS + (1.0 - np.cos(_ANGLE)) * _CROSS @ _CROSS
-
-
-@kernel
-def solid_angle(a, b, c):
-    """Solid angle of the triangle of three vectors (3,) from a point, over 4 pi."""
-    la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
-    rest = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
-    return np.arctan2(det(a, b, c), rest) / (2.0 * np.pi)
-
-
-@kernel
-def winding_by_angles(x, triangles, p):
-    """Number of times that closed triangles (m, 3) contain p (3,), by their solid angles."""
-    total = 0.0
-    for nodes in triangles:
-        total += solid_angle(x[nodes[0]] - p, x[nodes[1]] - p, x[nodes[2]] - p)
-    return int(np.rint(total))
-
-
-@kernel
-def meets_ray(x, nodes, p):
-    """How the ray from p (3,) meets a triangle: 1 leaving, -1 entering, 0 not, 2 uncertain."""
-    u, v, w = np.empty(3), np.empty(3), np.empty(3)
-    for k in range(3):
-        u[k] = v[k] = w[k] = 0.0
-        for d in range(3):
-            distance = x[nodes[k], d] - p[d]
-            u[k] += FRAME[0, d] * distance
-            v[k] += FRAME[1, d] * distance
-            w[k] += FRAME[2, d] * distance
-    size, height, area = 0.0, 0.0, 0.0
-    positive = negative = True
-    near = False
-    for k in range(3):
-        size = max(size, u[k] * u[k] + v[k] * v[k])
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        part = u[i] * v[j] - u[j] * v[i]
-        near = near or abs(part) <= ROUNDING * size
-        positive, negative = positive and part > 0.0, negative and part < 0.0
-        area, height = area + part, height + part * w[k]
-    if near:
-        return 2
-    if not (positive or negative) or not height / area > 0.0:
-        return 0
-    return 1 if positive else -1
+# Direction of the rays, which no edge of a mesh has, over its length [1].
+RAY = np.array([0.3711, 0.5423, 0.7537])
+# Place of a node on a line, in coordinates across the line [length^2]: its products with those of
+# other nodes are no underflow.
+BESIDE = (1e-200, 1e-220)
 
 
 @kernel
@@ -98,20 +46,55 @@ def set_ray(boxes, origin, direction, along, box):
 
 
 @kernel
+def crossing_of(x, nodes, origin, direction, along, at):
+    """Sign with which a line crosses a triangle, 1 exit, -1 entry, 0 none; ``at[0]``: its place.
+
+    ``along`` (2, 3 or more): directions across, see ``set_across``. Both triangles at an edge see
+    the edge from its first node to its last one, and so on the same side of the line; a node on
+    the line is beside it, alike in all its triangles: a closed surface is left as often as it is
+    entered. The place is the product with the direction.
+    """
+    inside = outside = True
+    height = area = 0.0
+    for k in range(3):
+        i, j = nodes[(k + 1) % 3], nodes[(k + 2) % 3]
+        low, high = min(i, j), max(i, j)
+        u_low = v_low = u_high = v_high = place = 0.0
+        for d in range(3):
+            of_low, of_high = x[low, d] - origin[d], x[high, d] - origin[d]
+            u_low, v_low = u_low + along[0, d] * of_low, v_low + along[1, d] * of_low
+            u_high, v_high = u_high + along[0, d] * of_high, v_high + along[1, d] * of_high
+            place += direction[d] * (x[nodes[k], d] - origin[d])
+        if u_low == 0.0 and v_low == 0.0:
+            u_low, v_low = BESIDE
+        if u_high == 0.0 and v_high == 0.0:
+            u_high, v_high = BESIDE
+        side = u_low * v_high - v_low * u_high
+        is_left = (side > 0.0) == (i < j)
+        inside, outside = inside and is_left, outside and not is_left
+        part = side if i < j else -side
+        area, height = area + part, height + part * place
+    at[0] = 0.0
+    if not (inside or outside) or area == 0.0:
+        return 0.0
+    at[0] = height / area
+    return 1.0 if inside else -1.0
+
+
+@kernel
 def winding_number(x, triangles, boxes, hits, p):
     """Number of times that closed triangles (m, 3) with a tree of ``boxes`` contain p (3,)."""
     for d in range(3):
         if not (boxes[1, d] <= p[d] <= boxes[1, 3 + d]):
             return 0
-    box, along = np.empty(6), np.empty((2, 5))
-    along[:, :3] = FRAME[:2]
-    set_ray(boxes, p, FRAME[2], along, box)
+    box, along, at = np.empty(6), np.empty((2, 5)), np.empty(1)
+    set_across(RAY, along)
+    set_ray(boxes, p, RAY, along, box)
     total = 0
     for f in hits[: query_tree(boxes, box, along, hits)]:
-        sign = meets_ray(x, triangles[f], p)
-        if sign == 2:
-            return winding_by_angles(x, triangles, p)
-        total += sign
+        sign = crossing_of(x, triangles[f], p, RAY, along, at)
+        if at[0] > 0.0:
+            total += int(sign)
     return total
 
 
@@ -149,64 +132,30 @@ def find_piercings(x, edges, triangles, boxes):
         boxes: ``build_tree(x, triangles)``.
     """
     rows, count = np.empty((64, 4)), 0
-    box, none = np.empty(6), np.empty((0, 5))
+    box, none, along, at = np.empty(6), np.empty((0, 5)), np.empty((2, 5)), np.empty(1)
     hits = np.empty(boxes.shape[0] // 2, np.int64)
     for e in range(len(edges)):
         p, q = x[edges[e, 0]], x[edges[e, 1]]
+        way = q - p
+        square = dot(way, way)
+        set_across(way, along)
         for d in range(3):
             box[d], box[3 + d] = min(p[d], q[d]), max(p[d], q[d])
         for f in hits[: query_tree(boxes, box, none, hits)]:
             i, j, k = triangles[f]
             if edges[e, 0] in (i, j, k) or edges[e, 1] in (i, j, k):
                 continue
-            a, b, c = x[i], x[j], x[k]
-            begin, end = volume(a, b, c, p), volume(a, b, c, q)
-            if not begin * end < 0.0:
-                continue
-            one, two, three = volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)
-            if min(one, min(two, three)) < 0.0 < max(one, max(two, three)):
-                continue
-            rows = grown(rows, count, count + 1)
-            rows[count, 0], rows[count, 1] = float(e), float(f)
-            rows[count, 2], rows[count, 3] = begin / (begin - end), np.sign(end - begin)
-            count += 1
+            sign = crossing_of(x, triangles[f], p, way, along, at)
+            if sign != 0.0 and 0.0 < at[0] < square:
+                rows = grown(rows, count, count + 1)
+                rows[count] = float(e), float(f), at[0] / square, sign
+                count += 1
     return rows[:count].copy()
 
 
 # Distance of a partner from another part of the slave, over that along a facet's normal [1], below
 # which it belongs to that part. Along curved slaves the two differ by less than this.
 MUCH_NEARER = 0.5
-
-
-@kernel
-def crossing_of(x, nodes, origin, direction, at):
-    """Sign with which a line crosses a triangle, 1 exit, -1 entry, 0 none; ``at[0]``: its place.
-
-    Both triangles at an edge see the edge from its first node to its last one, and so on the same
-    side of the line: a closed surface is left as often as it is entered.
-    """
-    inside = outside = True
-    height = area = 0.0
-    for k in range(3):
-        i, j = nodes[(k + 1) % 3], nodes[(k + 2) % 3]
-        low, high = min(i, j), max(i, j)
-        side = place = 0.0
-        for d in range(3):
-            e = (d + 1) % 3
-            f = (d + 2) % 3
-            side += direction[d] * (
-                (x[low, e] - origin[e]) * (x[high, f] - origin[f])
-                - (x[low, f] - origin[f]) * (x[high, e] - origin[e])
-            )
-            place += direction[d] * (x[nodes[k], d] - origin[d])
-        is_left = (side > 0.0) == (i < j)
-        inside, outside = inside and is_left, outside and not is_left
-        part = side if i < j else -side
-        area, height = area + part, height + part * place
-    if not (inside or outside) or area == 0.0:
-        return 0.0
-    at[0] = height / area
-    return 1.0 if inside else -1.0
 
 
 @kernel
@@ -220,7 +169,7 @@ def crossings(origin, direction, outline, own, min_distance):
     for f in hits[: query_tree(boxes, box, along, hits)]:
         if body[f] != own:
             continue
-        sign = crossing_of(x, triangles[f], origin, direction, at)
+        sign = crossing_of(x, triangles[f], origin, direction, along, at)
         if sign != 0.0 and at[0] > min_distance:
             found = grown(found, count, count + 1)
             found[count, 0], found[count, 1] = at[0], sign

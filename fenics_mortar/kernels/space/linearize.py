@@ -2,8 +2,16 @@
 """Derivatives of integrals over slave facets, by the positions of their nodes and of their masters.
 
 The derivative of int W F(xi, eta, g) with a function F whose coefficients are constant is the sum
-over the points of the factors of ``weighing`` times the derivatives of W, xi, eta and g (Popp,
-Gitterle, Gee & Wall 2010). In the auxiliary plane, with J the derivatives of the image of a facet,
+over the points of these factors times the derivatives of W, xi, eta and g (Popp, Gitterle, Gee &
+Wall 2010):
+
+    d(W F) = F dW + W (dF/dxi_a dxi_a + dF/deta_a deta_a + dF/dg dg)
+
+They are the rows of ``by`` (5, r): F and W times the derivatives of F by xi_1, xi_2, eta_1 and
+eta_2. Those of the weight and of X, see ``linearize_facets``, have no part in eta: they come first.
+All but Y have the form F_kb = N_k p_kb + Phi_k f_b, with constants p and a field f.
+
+In the auxiliary plane, with J the derivatives of the image of a facet,
 
     dxi = J^-1 (dV - N dX),    deta = (J^m)^-1 (dV - N^m dY),    W = w A(V)
 
@@ -17,7 +25,9 @@ to the positions: dX = t_d . dx - h t_d . dn_0. Only the gap depends on more tha
 ==========  ======================================================================  ============
 symbol      meaning                                                                 shape
 ==========  ======================================================================  ============
-by          factors of a point, see ``points``                                      (5, r)
+by          factors of a point                                                      (5, r)
+Phi         functions A N at a point, with derivatives                              (3, K)
+field       f at a point, with derivatives by xi and eta                            (5, b)
 by_point    derivatives of r rows by V through xi, and through eta                  (4, r)
 by_V        derivatives by the vertices                                             (v, 2, r)
 by_A        derivative by the area of a cell                                        (r,)
@@ -29,43 +39,64 @@ direct      derivatives of the gap through x, y and n alone: c = 3 (2 K + K')   
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import cross2, dot
-from fenics_mortar.kernels.facets import add_row
+from fenics_mortar.kernels.blocks import add_row, cross2, dot
 from fenics_mortar.kernels.space.clipping import chain_vertices
 from fenics_mortar.kernels.space.integrals import (
-    combine,
-    common_part,
     gap_at,
     points_work,
-    row_starts,
     tabulate_points,
-    weigh_gap,
-    weigh_master_force,
-    weigh_slave_force,
-    weigh_vector,
-    weigh_weight,
 )
-from fenics_mortar.kernels.space.normals import flatten, jacobian, set_plane
+from fenics_mortar.kernels.space.normals import flatten, jacobian, piece_edges, set_plane
 
 
 @kernel
-def differentiate_gap(geometry, slave, master, N, L, gap, slopes):
-    """Fill ``slopes`` (4,), derivatives of g by xi and eta; ``gap`` (4, 3): t in the last row.
-
-    Returns g.
-    """
+def differentiate_gap(geometry, slave, master, N, L, gap, field):
+    """Fill ``field`` (5, 1) with g and its derivatives; ``gap`` (4, 3): t in the last row."""
     x, n, m = geometry
     g, size = gap_at(geometry, slave, master, N, L, gap)
     for c in range(3):
         gap[3, c] = (gap[2, c] - g * gap[1, c]) / size
-    for a in range(2):
-        slopes[a] = slopes[2 + a] = 0.0
+    field[:] = 0.0
+    field[0, 0] = g
+    for a in range(1, 3):
         for k in range(slave.size):
             turn, along = dot(gap[3], n[slave[k]]), dot(gap[1], x[slave[k]])
-            slopes[a] += N[1 + a, k] * (turn - along)
+            field[a, 0] += N[a, k] * (turn - along)
         for l in range(master.size):
-            slopes[2 + a] += L[1 + a, l] * dot(gap[1], m[master[l]])
-    return g
+            field[2 + a, 0] += L[a, l] * dot(gap[1], m[master[l]])
+
+
+@kernel
+def add_field(sign, values, N, field, first):
+    """Add ``sign`` times sum_k N[., k] ``values`` (K, b): derivatives to rows ``first``, ..."""
+    for a in range(3):
+        for k in range(values.shape[0]):
+            add_row(sign * N[a, k], values[k], field[first + a - 1 if a > 0 else 0])
+
+
+@kernel
+def weigh_slave(W, N, Phi, constants, field, first, by):
+    """F_kb = N_k p_kb + Phi_k f_b, with the ``constants`` p (K, b) and the ``field`` f (5, b)."""
+    count = field.shape[1]
+    for k in range(N.shape[1]):
+        for b in range(count):
+            r, p, f = first + count * k + b, constants[k, b], field[0, b]
+            by[0, r] = N[0, k] * p + Phi[0, k] * f
+            for a in range(1, 3):
+                by[a, r] = W * (N[a, k] * p + Phi[a, k] * f + Phi[0, k] * field[a, b])
+                by[2 + a, r] = W * Phi[0, k] * field[2 + a, b]
+
+
+@kernel
+def weigh_master(W, L, field, first, by):
+    """F_lb = N^m_l f_b, with the ``field`` f (5, b), which does not depend on eta."""
+    count = field.shape[1]
+    for l in range(L.shape[1]):
+        for b in range(count):
+            r = first + count * l + b
+            by[0, r] = L[0, l] * field[0, b]
+            for a in range(1, 3):
+                by[a, r], by[2 + a, r] = W * L[0, l] * field[a, b], W * L[a, l] * field[0, b]
 
 
 @kernel
@@ -137,10 +168,7 @@ def to_positions(plane, corners, by_image, out):
     frame, images, heights = plane
     last = corners.size - 1
     start = corners[0] if last == 2 else corners[1]
-    ex = images[corners[last - 1], 0] - images[corners[0], 0]
-    ey = images[corners[last - 1], 1] - images[corners[0], 1]
-    fx = images[corners[last], 0] - images[start, 0]
-    fy = images[corners[last], 1] - images[start, 1]
+    ex, ey, fx, fy = piece_edges(images, corners)
     area = cross2(ex, ey, fx, fy)
     for r in range(out.shape[0]):
         x = y = 0.0 * images[0, 0]
@@ -170,74 +198,74 @@ def scatter(by_position, places, own, out):
 
 
 @kernel
-def scatter_rows(by_position, direct, places, starts, counts, own, e, out):
+def scatter_rows(by_position, direct, places, starts, of_force, own, e, out):
     """Add the derivatives of all rows of a pair to those of the facet ``e``.
 
-    ``counts``: numbers of components of X and Y, and of vector.
+    ``of_force``: number of components of X and Y.
     """
-    weight, X, gap, Y, vector = out
-    of_force, of_vector = counts
-    for r in range(starts[0], starts[1]):
-        scatter(by_position[r], places, own, weight[e, r - starts[0]])
-    for r in range(starts[1], starts[2]):
-        scatter(by_position[r], places, own, X[e, r - starts[1]])
-    for r in range(starts[2], starts[3]):
-        j, end = r - starts[2], gap.shape[2] - 3 * own
-        scatter(by_position[r], places, own, gap[e, j])
-        scatter(direct[j], places, own, gap[e, j])
-        add_row(1.0, direct[j, 3 * (own + places.size) :], gap[e, j, end:])
-    for r in range(starts[3], starts[4]):
-        l, c = (r - starts[3]) // of_force, (r - starts[3]) % of_force
-        scatter(by_position[r], places, own, Y[e, of_force * places[l] + c])
-    for r in range(starts[4], starts[5]):
-        j, c = (r - starts[4]) // of_vector, (r - starts[4]) % of_vector
-        scatter(by_position[r], places, own, vector[e, j, c])
+    for i in range(5):
+        for r in range(starts[i], starts[i + 1]):
+            row = r - starts[i]
+            if i == 3:
+                row = of_force * places[row // of_force] + row % of_force
+            sums = out[i][e, row]
+            scatter(by_position[r], places, own, sums)
+            if i == 2:
+                scatter(direct[row], places, own, sums)
+                by_normals = direct[row, 3 * (own + places.size) :]
+                add_row(1.0, by_normals, sums[sums.size - by_normals.size :])
 
 
 @kernel
-def weigh_point(geometry, nodes, W, N, L, coefficients, e, y, starts, wanted, work, direct, by):
+def weigh_point(geometry, nodes, W, N, L, coefficients, e, y, starts, work, direct, by):
     """Fill ``by`` for a point of the facet ``e``; add to ``direct``.
 
     ``nodes`` = (slave, master) nodes of the pair, ``y`` (K', b) values of the latter; for others
     see ``linearize_wanted``.
     """
     A, gamma, s, c, q, v, _ = coefficients
-    Phi, fields, level, gap, slopes = work
+    wanted, Phi, gap, ones, (no_field, of_force, of_gap, of_vector) = work
     if wanted[2] or wanted[4]:
+        Phi[:] = 0.0
         for a in range(3):
             for j in range(Phi.shape[1]):
-                Phi[a, j] = 0.0
                 for k in range(Phi.shape[1]):
                     Phi[a, j] += A[e, j, k] * N[a, k]
     if wanted[0]:
-        weigh_weight(W, N, starts[0], by)
+        weigh_slave(W, N, N, ones, no_field, starts[0], by)
     if wanted[1] or wanted[3]:
-        combine(c[e], N, fields[0])
+        of_force[:] = 0.0
+        add_field(-1.0, c[e], N, of_force, 1)
     if wanted[1]:
-        weigh_slave_force(W, N, s[e], fields[0], starts[1], by)
+        weigh_slave(W, N, N, s[e], of_force, starts[1], by)
     if wanted[2]:
-        combine(gamma[e].reshape((-1, 1)), N, level.reshape((3, 1)))
-        g = differentiate_gap(geometry, nodes[0], nodes[1], N, L, gap, slopes)
-        weigh_gap(W, N, Phi, g, slopes, gamma[e], level, starts[2], by)
+        at_nodes = gamma[e].reshape((-1, 1))
+        differentiate_gap(geometry, nodes[0], nodes[1], N, L, gap, of_gap)
+        add_field(-1.0, at_nodes, N, of_gap, 1)
+        weigh_slave(W, N, Phi, at_nodes, of_gap, starts[2], by)
         add_direct(W, N, L, Phi, gap, direct)
     if wanted[3]:
-        weigh_master_force(W, L, fields[0], starts[3], by)
+        weigh_master(W, L, of_force, starts[3], by)
     if wanted[4]:
-        combine(v[e], N, fields[1])
-        combine(y, L, fields[2])
-        weigh_vector(W, N, Phi, q[e], fields[1], fields[2], starts[4], by)
+        of_vector[:] = 0.0
+        add_field(1.0, v[e], N, of_vector, 1)
+        add_field(-1.0, y, L, of_vector, 3)
+        weigh_slave(W, N, Phi, q[e], of_vector, starts[4], by)
 
 
 @kernel
-def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficients, wanted, out):
-    """As ``linearize_facets``, with arrays of size zero for what is not ``wanted`` (5,).
+def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficients, out):
+    """As ``linearize_facets``, with arrays of size zero for what is not wanted.
 
-    ``wanted`` and ``out`` are in the order weight, X, gap, Y, vector.
+    ``out`` has rows of facets and columns, in the order weight, X, gap, Y, vector.
     """
     x, _, m = geometry
     own, others, values = slave.shape[1], masters.shape[1], coefficients[6]
     counts = coefficients[3].shape[2], coefficients[5].shape[2]
-    starts = row_starts(own, others, wanted, counts[0], counts[1])
+    starts = np.zeros(6, np.int64)  # of weight, X, gap, Y and vector among the rows of a pair
+    for i in range(5):
+        size = out[i].shape[1]
+        starts[i + 1] = starts[i] + (min(size, counts[0] * others) if i == 3 else size)
     rows, first = starts[5], starts[2]
     facets, plane, polygon, table = points_work(x, (own, others), rule)
     (frame, images, heights), (W, N, L), (bary, weights) = plane, table, rule
@@ -247,8 +275,11 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
         np.empty((rows, 3 * (own + others))),
         np.empty((own, 3 * (2 * own + others))),
     )
-    fields = np.empty((3, counts[0])), np.empty((3, counts[1])), np.empty((3, counts[1]))
-    work = np.empty((3, own)), fields, np.empty(3), np.empty((4, 3)), np.empty(4)
+    fields = (
+        np.zeros((5, 1)), np.empty((5, counts[0])), np.empty((5, 1)), np.empty((5, counts[1])),
+    )  # fmt: skip
+    wanted = starts[1:] > starts[:-1]
+    work = wanted, np.empty((3, own)), np.empty((4, 3)), np.ones((own, 1)), fields
     y = np.empty((others, counts[1]))
     for e in range(slave.shape[0]):
         for piece in range(facets[0].shape[0]):
@@ -264,19 +295,16 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
                 direct[:] = 0.0
                 met = False
                 for other in range(facets[2].shape[0]):
-                    count = common_part(images, corners, facets[2][other], area, polygon)
-                    if count == 0:
-                        continue
-                    met = True
-                    points, _ = tabulate_points(
-                        images, count, facets, (piece, other), rule, polygon, table
+                    points, count, _ = tabulate_points(
+                        images, facets, (piece, other), area, rule, polygon, table
                     )
+                    met = met or points > 0
                     by_V[:count] = 0.0
                     for p in range(points):
                         cell, g = p // weights.size, p % weights.size
                         weigh_point(
                             geometry, (slave[e], masters[i]), W[p], N[p], L[p], coefficients, e, y,
-                            starts, wanted, work, direct, by,
+                            starts, work, direct, by,
                         )  # fmt: skip
                         add_point(
                             images, N[p], L[p], weights[g], bary[g], cell, first, by, by_point,
@@ -284,10 +312,10 @@ def linearize_wanted(geometry, slave, masters, offsets, places, rule, coefficien
                         )  # fmt: skip
                         if g == weights.size - 1:
                             add_area(polygon[1], cell, by_A, by_V)
-                    chain_vertices(images, polygon[0][1], count, polygon[2], by_V, by_image)
+                    chain_vertices(images, polygon[0][0], count, polygon[2], by_V, by_image)
                 if met:
                     to_positions(plane, corners, by_image, by_position)
-                    scatter_rows(by_position, direct, places[i], starts, counts, own, e, out)
+                    scatter_rows(by_position, direct, places[i], starts, counts[0], own, e, out)
 
 
 def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficients, out):
@@ -322,14 +350,14 @@ def linearize_facets(geometry, slave, masters, offsets, places, rule, coefficien
         out: (weight, gap, X, Y, vector); filled, None where a result is not wanted.
     """
     weight, gap, X, Y, vector = out
-    results = [weight, X, gap, Y, vector]
-    wanted = np.array([result is not None for result in results])
-    for i, dimensions in enumerate((3, 3, 3, 3, 4)):
-        results[i] = _given_or_empty(results[i], dimensions)
-        results[i][:] = 0.0
+    if vector is not None:
+        vector = vector.reshape(len(slave), slave.shape[1] * vector.shape[2], vector.shape[3])
+    results = [_given_or_empty(a, 3) for a in (weight, X, gap, Y, vector)]
+    for result in results:
+        result[:] = 0.0
     constants = [_given_or_empty(a, d) for a, d in zip(coefficients, (3, 2, 3, 3, 3, 3, 3))]
     linearize_wanted(
-        geometry, slave, masters, offsets, places, rule, tuple(constants), wanted, tuple(results)
+        geometry, slave, masters, offsets, places, rule, tuple(constants), tuple(results)
     )
 
 

@@ -37,7 +37,7 @@ Popp, Gitterle, Gee & Wall 2010) are
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import cross2, dot
+from fenics_mortar.kernels.blocks import cross, cross2, dot
 from fenics_mortar.kernels.projection import OPPOSITE, UNIT
 from fenics_mortar.kernels.space.shapes import (
     QUADRILATERAL,
@@ -87,16 +87,23 @@ def facets_around(facets, num_nodes):
     return starts, order // facets.shape[1], order % facets.shape[1]
 
 
+def padded(rows, values, count):
+    """Values by rows, in order, -1 for none, shape (count, largest number of values).
+
+    ``rows`` (k,) ascend; ``values`` has the same shape.
+    """
+    starts = np.searchsorted(rows, np.arange(count + 1))
+    table = np.full((count, max(1, int(np.diff(starts).max(initial=0)))), -1)
+    table[rows, np.arange(rows.size) - starts[rows]] = values
+    return table
+
+
 def find_rings(facets, num_nodes):
     """Nodes on which the normal of each node depends, increasing, shape (n, S); -1 for none."""
     P, Q = edge_coefficients(facets.shape[1])
     of_node, used = np.nonzero((P != 0.0) | (Q != 0.0))
     pairs = np.unique(np.ravel(facets[:, of_node] * num_nodes + facets[:, used]))
-    nodes, others = pairs // num_nodes, pairs % num_nodes
-    counts = np.bincount(nodes, minlength=num_nodes)
-    ring = np.full((num_nodes, counts.max(initial=1)), -1)
-    ring[nodes, np.arange(len(pairs)) - np.repeat(np.cumsum(counts) - counts, counts)] = others
-    return ring
+    return padded(pairs // num_nodes, pairs % num_nodes, num_nodes)
 
 
 @kernel
@@ -106,14 +113,6 @@ def place_in(ring, node):
         if ring[i] == node:
             return i
     return -1
-
-
-@kernel
-def cross(p, q, out):
-    """Fill ``out`` (3,) with p x q."""
-    out[0] = p[1] * q[2] - p[2] * q[1]
-    out[1] = p[2] * q[0] - p[0] * q[2]
-    out[2] = p[0] * q[1] - p[1] * q[0]
 
 
 @kernel
@@ -256,6 +255,19 @@ def flatten(x, nodes, frame, start, images, heights):
         for d in range(2):
             images[start + k, d] = frame[d, 0] * vx + frame[d, 1] * vy + frame[d, 2] * vz
         heights[start + k] = frame[2, 0] * vx + frame[2, 1] * vy + frame[2, 2] * vz
+
+
+@kernel
+def piece_edges(images, corners):
+    """Edges e and f of a piece in the plane, see above; ``corners`` are rows of ``images``."""
+    last = corners.size - 1
+    start = corners[0] if last == 2 else corners[1]
+    return (
+        images[corners[last - 1], 0] - images[corners[0], 0],
+        images[corners[last - 1], 1] - images[corners[0], 1],
+        images[corners[last], 0] - images[start, 0],
+        images[corners[last], 1] - images[start, 1],
+    )
 
 
 @kernel

@@ -24,7 +24,7 @@ from fenics_mortar.kernels.sight import reach_behind
 from fenics_mortar.kernels.space.clipping import clip, clipping_work, signed_area
 from fenics_mortar.kernels.space.inside import bulge, is_hidden, is_nearer_elsewhere
 from fenics_mortar.kernels.space.integrals import lift
-from fenics_mortar.kernels.space.normals import find_point, flatten, set_plane
+from fenics_mortar.kernels.space.normals import find_point, flatten, piece_edges, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
 from fenics_mortar.kernels.tree import build_tree, query_tree, spatial_order
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE
@@ -66,14 +66,9 @@ def query_prism(boxes, x, nodes, corners, radius, frame, hits):
 def cosine(images, heights, corners):
     """Cosine of the normal of a piece and that of the plane; ``corners`` are rows of images."""
     last = corners.size - 1
-    first, start = corners[0], corners[0] if last == 2 else corners[1]
-    ex, ey = images[corners[last - 1], 0] - images[first, 0], images[corners[last - 1], 1]
-    ey, ez = ey - images[first, 1], heights[corners[last - 1]] - heights[first]
-    fx, fy = (
-        images[corners[last], 0] - images[start, 0],
-        images[corners[last], 1] - images[start, 1],
-    )
-    fz = heights[corners[last]] - heights[start]
+    ex, ey, fx, fy = piece_edges(images, corners)
+    ez = heights[corners[last - 1]] - heights[corners[0]]
+    fz = heights[corners[last]] - heights[corners[0] if last == 2 else corners[1]]
     x, y, z = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
     return z / np.sqrt(x * x + y * y + z * z)
 
@@ -113,8 +108,8 @@ def share_node(one, other):
 
 @kernel
 def overlap(one, count, other, others, area, work):
-    """Whether two polygons (v, 2) with so many vertices share more than rounding of an ``area``."""
-    both, rows = np.empty((count + others, 2)), np.arange(count + others)
+    """Whether two polygons (v, 8) with so many vertices share more than rounding of an ``area``."""
+    both, rows = np.empty((count + others, 8)), np.arange(count + others)
     copy_rows(one, count, both, 0)
     copy_rows(other, others, both, count)
     for i in range(others):  # clockwise
@@ -138,7 +133,7 @@ def keep_nearest(found, polygons, count, master_facets, area, work):
     """Fill the last column of ``found`` with whether a piece is the nearest at its place.
 
     Rows of ``found`` (c, 5): (distance, height [length], master facet, vertices of its polygon,
-    kept), the first ``count`` of which are used; ``polygons`` (c, v, 2); ``area``: of the slave
+    kept), the first ``count`` of which are used; ``polygons`` (c, v, 8); ``area``: of the slave
     piece.
     """
     for i in range(count):
@@ -262,7 +257,7 @@ def search_pairs(
     start, own_boxes, own_hits = np.empty(3), np.empty((0, 6)), np.empty(0, np.int64)
     boxes = build_tree(m, master_facets[order])
     hits = np.empty(boxes.shape[0] // 2, np.int64)
-    of_piece, polygons, found = np.empty((32, 5)), np.empty((32, MAX_COMMON, 2)), np.empty((32, 4))
+    of_piece, polygons, found = np.empty((32, 5)), np.empty((32, MAX_COMMON, 8)), np.empty((32, 4))
     offsets, rows = np.zeros(numbers.size + 1, np.int64), np.empty((8 * numbers.size + 32, 1))
     for i in range(numbers.size):
         nodes, count = slave_facets[numbers[i]], 0
@@ -272,7 +267,7 @@ def search_pairs(
             near = query_prism(boxes, x, nodes, pieces[piece], radius, frame, hits)
             most, number = near.size * master_pieces.shape[0], 0
             if most > of_piece.shape[0]:
-                of_piece, polygons = np.empty((most, 5)), np.empty((most, MAX_COMMON, 2))
+                of_piece, polygons = np.empty((most, 5)), np.empty((most, MAX_COMMON, 8))
             found = grown(found, count, count + near.size)
             for leaf in near:
                 hit = order[leaf]

@@ -94,71 +94,48 @@ def place_on_axes(e, f, q):
 
 
 @kernel
-def find_node_events(x0, x1, nodes, triangles):
-    """Find where nodes meet moving triangles: rows (node, triangle, time, sign), (r, 4).
+def find_events(x0, x1, movers, targets, normals):
+    """Find where nodes meet moving triangles, or edges other edges.
 
-    ``sign`` is 1 if the node goes below the triangle, else -1; triangles with the node do not
-    count. ``nodes``: shape (k,); ``triangles``: (m, 3); ``x0``, ``x1``: both ends, (n, 3) [length].
+    Targets with a node of the mover do not count.
+
+    Args:
+        x0: Positions of the nodes at the start, shape (n, 3) [length].
+        x1: Positions at the end.
+        movers: Nodes, shape (k, 1), or edges, shape (k, 2).
+        targets: Triangles, shape (m, 3), or for edges other edges, shape (m, 2).
+        normals: Outward normals of the other edges, shape (m, 3); not used for triangles.
+
+    Returns:
+        Rows (mover, target, time, sign, place), shape (r, 5): ``sign`` is 1 if the mover goes below
+        the triangle, or against the normal of the other edge, else -1; ``place`` is the coordinate
+        on the edge, 0 to 1.
     """
-    boxes = swept_tree(x0, x1, triangles)
-    hits, none = np.empty(boxes.shape[0] // 2, np.int64), np.empty((0, 5))
-    box, c, knots, roots = np.empty(6), np.empty(4), np.empty(4), np.empty(4)
-    rows, count = np.empty((64, 4)), 0
-    for p in nodes:
-        swept(x0, x1, p, p, box)
-        for f in hits[: query_tree(boxes, box, none, hits)]:
-            a, b, d = triangles[f]
-            if p in (a, b, d):
-                continue
-            e, h, q = x0[b] - x0[a], x0[d] - x0[a], x0[p] - x0[a]
-            de, dh = x1[b] - x1[a] - e, x1[d] - x1[a] - h
-            dq = x1[p] - x1[a] - q
-            set_cubic(e, de, h, dh, q, dq, c)
-            for t in roots[: roots_of_cubic(c, knots, roots)]:
-                s, u = place_on_axes(e + t * de, h + t * dh, q + t * dq)
-                if not (min(s, u) >= -ROUNDING and s + u <= 1.0 + ROUNDING):
-                    continue
-                if slope(c, t) == 0.0:
-                    continue
-                rows = grown(rows, count, count + 1)
-                rows[count, 0], rows[count, 1], rows[count, 2] = float(p), float(f), t
-                rows[count, 3] = -np.sign(slope(c, t))
-                count += 1
-    return rows[:count].copy()
-
-
-@kernel
-def find_edge_events(x0, x1, edges, others, normals):
-    """Find where edges meet other moving edges: rows (edge, other, time, sign, place), (r, 5).
-
-    ``sign`` is 1 if the edge moves against the outward normal of the other one, else -1; ``place``
-    is the coordinate on the edge, 0 to 1. ``edges``: (k, 2); ``others``: (m, 2), with ``normals``
-    (m, 3); ``x0``, ``x1``: both ends, (n, 3) [length].
-    """
-    boxes = swept_tree(x0, x1, others)
+    boxes, of_edges = swept_tree(x0, x1, targets), targets.shape[1] == 2
     hits, none = np.empty(boxes.shape[0] // 2, np.int64), np.empty((0, 5))
     box, c, knots, roots = np.empty(6), np.empty(4), np.empty(4), np.empty(4)
     rows, count = np.empty((64, 5)), 0
-    for k in range(len(edges)):
-        a, b = edges[k]
+    for k in range(len(movers)):
+        a, b = movers[k, 0], movers[k, -1]
         swept(x0, x1, a, b, box)
         for f in hits[: query_tree(boxes, box, none, hits)]:
-            i, j = others[f]
-            if a in (i, j) or b in (i, j):
+            i, j, last = targets[f, 0], targets[f, 1], targets[f, -1]
+            if a in (i, j, last) or b in (i, j, last):
                 continue
-            e, h, q = x0[b] - x0[a], x0[j] - x0[i], x0[i] - x0[a]
-            de, dh = x1[b] - x1[a] - e, x1[j] - x1[i] - h
-            dq = x1[i] - x1[a] - q
+            first, last = (b, a) if of_edges else (i, last)
+            e, h, q = x0[j] - x0[i], x0[last] - x0[first], x0[a] - x0[i]
+            de, dh = x1[j] - x1[i] - e, x1[last] - x1[first] - h
+            dq = x1[a] - x1[i] - q
             set_cubic(e, de, h, dh, q, dq, c)
             for t in roots[: roots_of_cubic(c, knots, roots)]:
-                s, u = place_on_axes(e + t * de, -(h + t * dh), q + t * dq)
-                if not (min(s, u) >= -ROUNDING and max(s, u) <= 1.0 + ROUNDING):
+                s, u = place_on_axes(e + t * de, h + t * dh, q + t * dq)
+                largest = max(s, u) if of_edges else s + u
+                if not (min(s, u) >= -ROUNDING and largest <= 1.0 + ROUNDING):
                     continue
-                moves = dot(s * de - u * dh - dq, normals[f])
+                moves = dot(dq - s * de - u * dh, normals[f]) if of_edges else slope(c, t)
                 if moves == 0.0:
                     continue
                 rows = grown(rows, count, count + 1)
-                rows[count, 0], rows[count, 1], rows[count, 2] = float(k), float(f), t
-                rows[count, 3], rows[count, 4] = -np.sign(moves), s
+                rows[count] = float(k), float(f), t, -np.sign(moves), u
                 count += 1
     return rows[:count].copy()

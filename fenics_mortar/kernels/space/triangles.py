@@ -4,7 +4,7 @@
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.blocks import dot
+from fenics_mortar.kernels.blocks import cross, dot
 from fenics_mortar.kernels.tree import query_tree
 
 
@@ -38,6 +38,12 @@ def square_on_triangle(p, a, b, c):
 
 
 @kernel
+def corners_of(x, triangle):
+    """Positions of the three nodes of a triangle (3,)."""
+    return x[triangle[0]], x[triangle[1]], x[triangle[2]]
+
+
+@kernel
 def nearest_triangle(x, triangles, boxes, hits, p, radius):
     """Distance of p (3,) from triangles (m, 3) with a tree of ``boxes``, and the nearest one.
 
@@ -49,8 +55,7 @@ def nearest_triangle(x, triangles, boxes, hits, p, radius):
             box[d], box[3 + d] = p[d] - radius, p[d] + radius
         best, nearest = np.inf, -1
         for f in hits[: query_tree(boxes, box, none, hits)]:
-            a, b, c = x[triangles[f, 0]], x[triangles[f, 1]], x[triangles[f, 2]]
-            square = square_on_triangle(p, a, b, c)
+            square = square_on_triangle(p, *corners_of(x, triangles[f]))
             if square < best:
                 best, nearest = square, f
         if best <= radius * radius or not radius < np.inf:
@@ -83,11 +88,7 @@ def facing_normals(x, triangles, boxes, points, n, equal, first, largest):
                 box[3 + d] = points[k, d] + radius + equal[k]
             count = query_tree(boxes, box, none, hits)
             for i in range(count):
-                a, b, c = (
-                    x[triangles[hits[i], 0]],
-                    x[triangles[hits[i], 1]],
-                    x[triangles[hits[i], 2]],
-                )
+                a, b, c = corners_of(x, triangles[hits[i]])
                 distances[i] = np.inf
                 if volume(a, b, c, a + n[k]) < 0.0:
                     distances[i] = np.sqrt(square_on_triangle(points[k], a, b, c))
@@ -100,15 +101,8 @@ def facing_normals(x, triangles, boxes, points, n, equal, first, largest):
         found[k] = 0.0
         for i in range(count):
             if distances[i] <= nearest + equal[k]:
-                a, b, c = (
-                    x[triangles[hits[i], 0]],
-                    x[triangles[hits[i], 1]],
-                    x[triangles[hits[i], 2]],
-                )
-                u, v = b - a, c - a
-                for d in range(3):
-                    e, f = (d + 1) % 3, (d + 2) % 3
-                    normal[d] = v[e] * u[f] - v[f] * u[e]
+                a, b, c = corners_of(x, triangles[hits[i]])
+                cross(c - a, b - a, normal)
                 found[k] += normal / np.sqrt(dot(normal, normal))
         found[k] /= np.sqrt(dot(found[k], found[k]))
     return found

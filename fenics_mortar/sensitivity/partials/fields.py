@@ -2,7 +2,7 @@
 """Derivatives of the nodal fields of a pair, of its rows and forces.
 
 Rows, memory of laws and functionals depend on state and controls through the fields w (weights), g
-(weighted gaps), z_n, z_tau, slip of the step at constant gaps, and z; see ``maps.through_fields``.
+(weighted gaps), z_n, z_tau, slip of the step at constant gaps, and z; see ``through_fields``.
 In space slip and z_tau are components along the law's direction, see ``contact.fields``; rows
 depend on the vectors of slip and normals, "slip_vector" and "normal".
 
@@ -31,19 +31,20 @@ Vectors have d components, and obstacles m motions: 2 and 3 in the plane, 3 and 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, reduce
+from operator import add
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mpi4py import MPI
 
 import numpy as np
+from scipy.sparse import bsr_array, csr_array, eye, vstack
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, SpaceFields, VectorRow
 from fenics_mortar.contact.law import Row
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
-from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.interface.mortar import Block, MortarOperators, entries_of
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
     gaps_along,
@@ -62,41 +63,8 @@ if TYPE_CHECKING:
 NO_BLOCK = Block(np.empty((0, 1), np.int64), np.empty((0, 1), np.int64), np.empty((0, 1, 1)))
 
 
-@dataclass(frozen=True)
-class Matrix:
-    """Sparse matrix by its entries; entries at the same place are added; all methods are local.
-
-    Most of these matrices are used once. To make or transpose one of scipy takes ten times as long
-    as a product, for pairs of some hundred nodes longer than the derivatives themselves.
-
-    Attributes:
-        rows, columns: Places of the entries, shape (entries,) each.
-        values: The entries, shape (entries,).
-        shape: Numbers of rows and columns.
-    """
-
-    rows: Indices
-    columns: Indices
-    values: Array
-    shape: tuple[int, int]
-
-    @classmethod
-    def dense(cls, values: Array) -> Matrix:
-        """Matrix with all entries of an array (rows, columns)."""
-        rows, columns = np.indices(values.shape).reshape(2, -1)
-        return cls(rows, columns, values.ravel(), (len(values), values.shape[1]))
-
-    @property
-    def T(self) -> Matrix:
-        """The transpose."""
-        return Matrix(self.columns, self.rows, self.values, self.shape[::-1])
-
-    def __matmul__(self, x: Array) -> Array:
-        """Product with a vector (columns,)."""
-        total = np.bincount(self.rows, self.values * x[self.columns], self.shape[0])
-        return np.asarray(total, float)  # integers without entries
-
-
+# Matrices are sparse, or dense if they have few columns; equal on all ranks.
+Matrix: TypeAlias = "csr_array | Array"
 # Derivatives of nodal fields by their names, shape (slave nodes, m) each; those of fields with c
 # components (slave nodes c, m).
 Changes = dict[str, Matrix]
@@ -174,20 +142,13 @@ def assembled(
 
     With a communicator the blocks of all ranks (collective), else those given (local).
     """
-    parts = [
-        (
-            np.repeat(rows, columns.shape[1]),
-            np.repeat(columns[:, None], rows.shape[1], axis=1).ravel(),
-            values.ravel(),
-        )
-        for rows, columns, values in [NO_BLOCK, *blocks]
-    ]
+    parts = map(entries_of, [NO_BLOCK, *blocks])
     entries = [np.concatenate(several) for several in zip(*parts, strict=True)]
     if comm is not None:
         entries = from_all_ranks(comm, entries)
     on = (entries[0] >= 0) & (entries[1] >= 0)
     rows, columns, values = (several[on] for several in entries)
-    return Matrix(rows, columns, values, shape)
+    return csr_array((values, (rows, columns)), shape=shape)
 
 
 def by_node(values: Array) -> Matrix:
@@ -200,10 +161,8 @@ def by_node(values: Array) -> Matrix:
         Shape (nodes r, nodes c).
     """
     count, r, c = values.shape
-    j = np.arange(count)[:, None]
-    return assembled(
-        [Block(r * j + np.arange(r), c * j + np.arange(c), values)], (count * r, count * c)
-    )
+    nodes = np.arange(count + 1)
+    return bsr_array((values, nodes[:-1], nodes), shape=(count * r, count * c))
 
 
 def through_fields(by: Mapping[str, Array], changes: Changes) -> Matrix:
@@ -218,16 +177,11 @@ def through_fields(by: Mapping[str, Array], changes: Changes) -> Matrix:
     Returns:
         Shape (slave nodes n, m).
     """
-    blocks = []
     count, n = next(iter(by.values())).shape[:2]
-    for name, change in changes.items():
-        if name not in by:
-            continue
-        factors = by[name].reshape(count, n, -1)
-        j, component = np.divmod(change.rows, factors.shape[2])
-        values = change.values[:, None, None] * factors[j, :, component][:, :, None]
-        blocks.append(Block(n * j[:, None] + np.arange(n), change.columns[:, None], values))
-    return assembled(blocks, (count * n, change.shape[1]))
+    factors = {name: by_node(by[name].reshape(count, n, -1)) for name in changes if name in by}
+    if not factors:
+        return csr_array((count * n, next(iter(changes.values())).shape[1]))
+    return reduce(add, (factor @ changes[name] for name, factor in factors.items()))
 
 
 def interleaved(parts: Sequence[Matrix], count: int) -> Matrix:
@@ -235,11 +189,8 @@ def interleaved(parts: Sequence[Matrix], count: int) -> Matrix:
 
     Shape (count c, m).
     """
-    c = len(parts)
-    rows = np.concatenate([c * part.rows + a for a, part in enumerate(parts)])
-    columns = np.concatenate([part.columns for part in parts])
-    values = np.concatenate([part.values for part in parts])
-    return Matrix(rows, columns, values, (count * c, parts[0].shape[1]))
+    components = np.arange(len(parts) * count).reshape(len(parts), count)
+    return vstack(parts, format="csr")[components.T.ravel()]
 
 
 def rows_at_nodes(slave: Curve, columns: Indices, values: Array) -> Block:
@@ -277,8 +228,7 @@ def _z_n(contact: Interface, layout: Layout) -> Matrix:
 
 
 def _z(contact: Interface, layout: Layout) -> Matrix:
-    rows = np.arange(contact.z.size)
-    return Matrix(rows, layout.z.start + rows, np.ones(rows.size), (rows.size, layout.size))
+    return csr_array(eye(contact.z.size, layout.size, layout.z.start))
 
 
 def of_law(f: ContactFields, layout: Layout, name: str) -> Matrix:
@@ -339,42 +289,28 @@ def shear_vector_derivative(f: SpaceFields, layout: Layout) -> Matrix:
 def off_planes(derivative: Matrix, contact: Contact) -> Matrix:
     """The derivative of slip with zeros at nodes on symmetry planes (local)."""
     kept = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
-    return through_fields({"slip": kept[:, None]}, {"slip": derivative})
-
-
-def over_weights(f: ContactFields, values: Array) -> Array:
-    """Values (slave nodes,) over the weights w_j, zero at uncovered nodes (local)."""
-    return np.where(f.covered, values / np.where(f.covered, f.operators.weight, 1.0), 0.0)
+    return by_node(kept[:, None, None]) @ derivative
 
 
 def rows_by_fields(contact: Contact) -> dict[str, Array]:
-    """Derivatives of the d rows of a node with respect to its fields, (slave nodes, d) (local).
+    """Derivatives of the d rows of a node with respect to its fields (local).
 
-    With respect to vectors (slave nodes, d, d). Multipliers, active set and weights of the rows are
-    fixed. Rows of closed gaps and of the law depend on gaps. In the unit of the rows [stress
-    length] over that of the field.
+    Those with respect to gaps (slave nodes, d), to other numbers (slave nodes, d, 1), and to
+    vectors, in space, (slave nodes, d, d); fields without effect are missing. Multipliers, active
+    set and weights of the rows are fixed. Rows of closed gaps and of the law depend on gaps. In the
+    unit of the rows [stress length] over that of the field.
     """
     f = contact.now
     normal, _, *weights = contact.rows.frame()
+    by, rows = {"gap": normal.copy()}, f.law_rows
+    names = {name: f"by_{name}" for name in ("z_n", "z_tau", "slip")}
     if isinstance(f, SpaceFields):
-        return _rows_in_space(f, normal, weights)
-    by = {name: np.zeros_like(normal) for name in ("z_n", "z_tau", "slip")} | {"gap": normal.copy()}
-    for weight, row in zip(weights, f.law_rows, strict=True):
-        by["gap"] -= weight * over_weights(f, row.by_gap)[:, None]
-        for name in ("z_n", "z_tau", "slip"):
-            by[name] -= weight * getattr(row, f"by_{name}")[:, None]
-    return by
-
-
-def _rows_in_space(f: SpaceFields, normal: Array, weights: list[Array]) -> dict[str, Array]:
-    """See ``rows_by_fields``; along vectors of slip and normals."""
-    count, dim = normal.shape
-    by = {name: np.zeros((count, dim, dim)) for name in ("slip_vector", "normal")}
-    by["gap"] = normal.copy()
-    for weight, row in zip(weights, f.vector_rows, strict=True):
-        by["gap"] -= weight * over_weights(f, row.by_gap)[:, None]
-        by["slip_vector"] -= weight[:, :, None] * row.by_slip[:, None]
-        by["normal"] -= weight[:, :, None] * row.by_normal[:, None]
+        rows, names = f.vector_rows, {"slip_vector": "by_slip", "normal": "by_normal"}
+    for weight, row in zip(weights, rows, strict=True):
+        by["gap"] -= weight * (row.by_gap * f.per_weight)[:, None]
+        for name, attribute in names.items():
+            by_row = getattr(row, attribute).reshape(len(normal), 1, -1)
+            by[name] = by.get(name, 0.0) - weight[:, :, None] * by_row
     return by
 
 
@@ -494,17 +430,17 @@ def fields_by_shape(contact: Contact, name: str) -> Changes:
     gap, dn = call_together(
         o.slave.comm, what, lambda: (_gap(contact, name, units), _normals(contact, o, name, units))
     )
-    changes = {"gap": sum_over_ranks(o.slave.comm, gap)}
+    gap = sum_over_ranks(o.slave.comm, gap).T
     if isinstance(f, SpaceFields):
-        found = {"normal": Matrix.dense(dn.reshape(len(dn), -1).T)}
-        found["gap"] = Matrix.dense(changes["gap"].T)
+        found = {"normal": dn.reshape(len(dn), -1).T, "gap": gap}
         return found | {name: through_fields(by, found) for name, by in of_vectors(f).items()}
     dtau, z = np.stack([-dn[..., 1], dn[..., 0]], axis=-1), f.state.z
-    changes |= {"z_n": np.einsum("mjc,jc->mj", dn, z), "z_tau": np.einsum("mjc,jc->mj", dtau, z)}
+    z_n, z_tau = (np.einsum("mjc,jc->jm", change, z) for change in (dn, dtau))
+    changes = {"gap": gap, "z_n": z_n, "z_tau": z_tau}
     if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->mj", dtau, contact.partners.rotated(o))
-        changes["slip"] = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
-    return {name: Matrix.dense(change.T) for name, change in changes.items()}
+        slip = np.einsum("mjc,jc->jm", dtau, contact.partners.rotated(o))
+        changes["slip"] = np.where(np.isfinite(contact.plane_normals[:, :1]), 0.0, slip)
+    return changes
 
 
 def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, Array]:

@@ -43,7 +43,6 @@ contradicts difference quotients on both sides is therefore rejected. Branches a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -56,10 +55,10 @@ from fenics_mortar.contact.arcs import Material, Turned, quarter_turn, spokes_of
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields, SpaceFields
 from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
-from fenics_mortar.contact.slip import Partners, by_positions, per_weight_of, rotation_derivative
+from fenics_mortar.contact.slip import Partners, by_positions, rotation_derivative
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.integrals import PlaneOperators, share_of
-from fenics_mortar.interface.mortar import EXACT, Block
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.sensitivity.partials.fields import (
@@ -71,34 +70,32 @@ from fenics_mortar.sensitivity.partials.fields import (
     of_law,
     of_vectors,
     off_planes,
-    over_weights,
     rows_at_nodes,
     rows_by_fields,
     shear_vector_derivative,
     through_fields,
 )
-from fenics_mortar.utils.arrays import EPSILON, Array, Indices
+from fenics_mortar.utils.arrays import EPSILON, Array, Flags, Indices
 from fenics_mortar.utils.errors import call_together, check_choice
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.interface_fields import InterfaceState
     from fenics_mortar.contact.space_partners import ObstaclePartners, SpacePartners
     from fenics_mortar.interface.space_mortar import SpaceOperators
 
 AXES = np.eye(3)
 
 
-def slip_by_earlier(contact: Contact, earlier: Any, layout: Layout) -> Matrix:
+def slip_by_earlier(contact: Contact, then: Any, layout: Layout) -> Matrix:
     """Derivative of the vectors of slip by the earlier state, (3 slave nodes, size) (collective).
 
     Args:
         contact: The contact, evaluated at the end of the step.
-        earlier: The state that defines the partners, an ``Earlier``.
+        then: Operators of the state that defines the partners.
         layout: Places of the values of the pair.
     """
-    o, then = contact.now.operators, earlier.operators
     if not isinstance(then, ObstacleOperators):
-        return layout.matrix(_TermsInSpace(o, then, contact.partners).blocks(), contact.z.size)
+        terms = _TermsInSpace(contact.now.operators, then, contact.partners)
+        return layout.matrix(terms.blocks(), contact.z.size)
     parts = [layout.nodal(*_past_obstacle(contact, then, a)) for a in AXES]
     return interleaved(parts, len(then.x))
 
@@ -114,7 +111,7 @@ def _past_obstacle(
     blocks = [rows_at_nodes(slave, slave.dofs, by_x)]
     if partners.mirrored is not None:
         by_spin = found.weights(np.tile(axis, (len(then.x), 1)))[1]
-        blocks += by_positions_at_start(partners.material(now), found.slave, now.x, by_spin)
+        blocks += by_positions_at_start(partners.materials(now)[0], found.slave, now.x, by_spin)
     # the rotation of the obstacle in the step begins at its earlier place
     spin = found.by_relative @ inverse_jacobians(-partners.turn(now)[None])
     by_turn = np.einsum("jab,a->jb", spin, axis) / now.arm
@@ -191,19 +188,23 @@ class _TermsInSpace:
     def blocks(self) -> Iterator[Block]:
         """Blocks of the derivative of the slip: rows are components, columns dofs of both sides."""
         yield self._of_matrices()
-        yield from self._of_distances()
-        yield from self._of_nearest()
+        yield from of_nearest(self.then, self.faces, self._by_M)
+        for a in range(3):
+            for block in self._of_component(a):
+                yield block._replace(rows=3 * block.rows + a)
+
+    def _of_component(self, a: int) -> Iterator[Block]:
+        """Terms of a component with P dx' - Q dm' in r_0, and with the rotations of materials."""
+        found, p = self.found, self.partners
+        yield from by_positions(self.then, p.entries, self.by_start[:, a])
         if not self.turns:
             return
-        found, p = self.found, self.partners
         sides = zip(
             p.materials(self.now), (found.slave, found.master), (self.now.x, self.now.m),
             self.by_spins, strict=True,
         )  # fmt: skip
         for material, at, x, by_spin in sides:
-            for a in range(3):
-                for block in by_positions_at_start(material, at, x, by_spin[:, a]):
-                    yield block._replace(rows=3 * block.rows + a)
+            yield from by_positions_at_start(material, at, x, by_spin[:, a])
 
     def _of_matrices(self) -> Block:
         """Terms with the changes of D, M and w at nodes with rows in them.
@@ -232,54 +233,52 @@ class _TermsInSpace:
         at = order[np.minimum(at, keys.size - 1)]
         return np.where((rows[at] == j) & (columns[at] == l), np.sign(values[at]), 0.0)
 
-    def _of_distances(self) -> Iterator[Block]:
-        """Terms with P dx' - Q dm' in r_0."""
-        o = self.then
-        sides = zip((o.slave, o.master), self.partners.entries, (1.0, -1.0), strict=True)
-        for surface, entries, sign in sides:
-            j, k, weights = entries.share(surface.comm)
-            some = self.partners.present[j] == 0.0
-            j, k, weights = j[some], k[some], sign * weights[some]
-            rows = 3 * j[:, None] + np.arange(3)
-            yield Block(rows, surface.dofs[k], weights[:, None, None] * self.by_start[j])
 
-    def _of_nearest(self) -> Iterator[Block]:
-        """Terms with the motion of the nearest points, at nodes without rows in M."""
-        o, j = self.then, np.flatnonzero(~self.faces)
-        corners, weights = nearest_on_master(o, j)
-        mine = share_of(np.arange(j.size), o.slave.comm)
-        j, corners, weights = j[mine], corners[mine], weights[mine]
-        by_Q = self._by_M(j[:, None], corners, np.sign(weights))
-        by_x, by_m = weights_of_foot(o.x[j], o.m[corners], weights)
-        rows = 3 * j[:, None] + np.arange(3)
-        yield Block(rows, o.slave.dofs[j], np.einsum("tca,tcq->taq", by_Q, by_x))
-        yield Block(rows, o.master.dofs_of(corners), np.einsum("tca,tcq->taq", by_Q, by_m))
+def of_nearest(o: Any, faces: Flags, by_M: Callable[..., Array]) -> Iterator[Block]:
+    """Terms with the motion of the nearest points, at nodes without rows in M (local).
+
+    Args:
+        o: Operators of the earlier state.
+        faces: Nodes with rows in M, shape (slave nodes,), bool.
+        by_M: Function of nodes (t, 1), corners (t, c) and the signs of their weights (t, c), whose
+            values are the derivatives of the r components of the slip by Q, shape (t, c, r).
+    """
+    j = np.flatnonzero(~faces)
+    corners, weights = nearest_on_master(o, j)
+    mine = share_of(np.arange(j.size), o.slave.comm)
+    j, corners, weights = j[mine], corners[mine], weights[mine]
+    by_Q = by_M(j[:, None], corners, np.sign(weights))
+    by_x, by_m = weights_of_foot(o.x[j], o.m[corners], weights)
+    rows = by_Q.shape[2] * j[:, None] + np.arange(by_Q.shape[2])
+    yield Block(rows, o.slave.dofs[j], np.einsum("tcr,tcq->trq", by_Q, by_x))
+    yield Block(rows, o.master.dofs_of(corners), np.einsum("tcr,tcq->trq", by_Q, by_m))
 
 
 def weights_of_foot(x: Array, corners: Array, weights: Array) -> tuple[Array, Array]:
-    """Derivatives of the weights of nearest points of triangles (local).
+    """Derivatives of the weights of nearest points of triangles, in the plane of lines (local).
 
     The nearest point is in the triangle, on an edge or at a corner, and stays there.
 
     Args:
-        x: The points, shape (t, 3) [length].
-        corners: Corners of the triangles, shape (t, 3, 3) [length].
-        weights: Weights of the corners at the nearest points, zero off the edge, shape (t, 3) [1].
+        x: The points, shape (t, dim) [length].
+        corners: Corners of the triangles or lines, shape (t, dim, dim) [length].
+        weights: Weights of the corners at the nearest points, shape (t, dim) [1]; of triangles zero
+            off the edge.
 
     Returns:
-        Derivatives by the points, (t, 3, 3), and by the corners, (t, 3, 9) [1 / length].
+        Derivatives by the points, (t, dim, dim), and by the corners, (t, dim, dim^2) [1 / length].
     """
-    count = len(x)
-    by_x, by_corners = np.zeros((count, 3, 3)), np.zeros((count, 3, 3, 3))
+    count, dim = x.shape
+    by_x, by_corners = np.zeros((count, dim, dim)), np.zeros((count, dim, dim, dim))
     off = x - np.einsum("tc,tca->ta", weights, corners)
     for t in range(count):
-        used = np.flatnonzero(weights[t] > 0.0)
+        used = np.flatnonzero((weights[t] > 0.0) | (dim == 2))
         if used.size < 2:
             continue
         base, others = used[0], used[1:]
         T = corners[t, others] - corners[t, base]
         inverse = np.linalg.inv(T @ T.T)
-        change = np.zeros((others.size, 3, 3))  # of T (x - foot) by the corners
+        change = np.zeros((others.size, dim, dim))  # of T (x - foot) by the corners
         for i, other in enumerate(others):
             change[i, other] += off[t]
             change[i, base] -= off[t]
@@ -288,52 +287,7 @@ def weights_of_foot(x: Array, corners: Array, weights: Array) -> tuple[Array, Ar
         for total, part in zip((by_x, by_corners), of_others, strict=True):
             total[t, others] = part
             total[t, base] = -part.sum(axis=0)
-    return by_x, by_corners.reshape(count, 3, 9)
-
-
-class Earlier:
-    """An earlier accepted state of a contact, and its operators with all derivatives.
-
-    The constructor is collective; the state of the contact and of its obstacle is not changed.
-
-    Args:
-        contact: The contact.
-        u: Displacement of that state, shape (local dofs,) [length].
-        state: State of the contact.
-        place: Place of the obstacle, if there is one, shape (m,).
-
-    Attributes:
-        fields: Nodal fields of that state.
-        place: The argument.
-    """
-
-    def __init__(
-        self, contact: Contact, u: Array, state: InterfaceState, place: Array | None = None
-    ) -> None:
-        self.contact, self.place = contact, place
-        with self.at_earlier_position():  # a copy: the contact itself is unchanged
-            operators, _ = copy(contact.evaluation).evaluate(u, state, EXACT)
-            if state.offset.any():
-                operators = operators.minus_offset(state.offset)
-            self.fields: ContactFields = type(contact.now)(contact, state, operators)
-
-    @contextmanager
-    def at_earlier_position(self) -> Iterator[None]:
-        """Context in which the obstacle is at its position in that state (local)."""
-        obstacle = self.contact.obstacle
-        if obstacle is None or self.place is None:
-            yield
-            return
-        present, obstacle.place = obstacle.place, self.place.copy()
-        try:
-            yield
-        finally:
-            obstacle.place = present
-
-    @property
-    def operators(self) -> Any:
-        """Operators of that state."""
-        return self.fields.operators
+    return by_x, by_corners.reshape(count, dim, dim * dim)
 
 
 @dataclass(frozen=True)
@@ -345,61 +299,55 @@ class PairHistory:
             shape (slave nodes, size of the vector) each.
         rows: Derivative of the rows, through slip and the initial shear of redundant sticks, shape
             (d slave nodes, size of the vector).
-        earlier: The state.
     """
 
     fields: Changes
     rows: Matrix
-    earlier: Earlier
 
 
-def history_of_pair(contact: Contact, earlier: Earlier) -> PairHistory:
+def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
     """Derivatives of a contact, evaluated at the end of the step (collective).
 
     Args:
         contact: The contact.
-        earlier: The state that defines the partners.
+        then: Nodal fields of the earlier state, with operators that have all derivatives.
     """
-    layout, f, then = Layout(contact), contact.now, earlier.fields
+    layout, f = Layout(contact), contact.now
     redundant = f.state.redundant.any()
     keeps_shear = np.where(f.state.redundant & then.state.active, 1.0 / ELASTIC, 0.0)
     by = rows_by_fields(contact)
     if isinstance(f, SpaceFields) and isinstance(then, SpaceFields):
-        changes = {"slip_vector": slip_by_earlier(contact, earlier, layout)}
+        changes = {"slip_vector": slip_by_earlier(contact, then.operators, layout)}
         fields = {name: through_fields(each, changes) for name, each in of_vectors(f).items()}
         if redundant:
             weighted = zip(contact.rows.frame()[2:4], f.row_tangents, strict=True)
             dyads = sum(weight[:, :, None] * along[:, None] for weight, along in weighted)
             by["shear"] = dyads * keeps_shear[:, None, None]
             changes["shear"] = shear_vector_derivative(then, layout)
-        return PairHistory(fields, through_fields(by, changes), earlier)
-    changes = {"slip": off_planes(_slip_derivative(contact, earlier, layout), contact)}
+        return PairHistory(fields, through_fields(by, changes))
+    changes = {"slip": off_planes(_slip_derivative(contact, then, layout), contact)}
     fields = dict(changes)
     if redundant:
         by["shear"] = contact.rows.frame()[2] * keeps_shear[:, None]
         changes["shear"] = of_law(then, layout, "z_tau")
-    return PairHistory(fields, through_fields(by, changes), earlier)
+    return PairHistory(fields, through_fields(by, changes))
 
 
-def _slip_derivative(contact: Contact, earlier: Earlier, layout: Layout) -> Matrix:
-    """Derivative of the present slip with respect to the earlier state (collective)."""
-    if isinstance(contact.operators, ObstacleOperators):
-        blocks, by_motion = _on_obstacle(contact, earlier)
-        return layout.nodal(blocks, by_motion=by_motion)
-    return layout.nodal(_Terms(contact.operators, earlier, contact.partners).blocks())
+def _slip_derivative(contact: Contact, then: ContactFields, layout: Layout) -> Matrix:
+    """Derivative of the present slip with respect to the earlier state (collective).
 
-
-def _on_obstacle(contact: Contact, earlier: Earlier) -> tuple[list[Block], Array]:
-    """Blocks and derivative with respect to motions of the slip along an obstacle (local).
-
-    b' is the vector from the pivot to the node, and psi' the angle of the slave's material.
+    On an obstacle b' is the vector from the pivot to the node, and psi' the angle of the slave's
+    material.
     """
-    o, partners = earlier.operators, contact.partners
-    found = partners.arc(contact.operators)
+    o, partners = then.operators, contact.partners
+    if not isinstance(o, ObstacleOperators):
+        return layout.nodal(_Terms(contact.operators, then, partners).blocks())
+    found = partners.at(contact.operators).arc
     blocks = [rows_at_nodes(o.slave, o.slave.dofs, found.by_start)]
     if partners.planes is not None:
         blocks.append(rotation_derivative(o, -found.by_body))
-    return blocks, -np.column_stack([found.by_start, found.by_rotation / o.arm])
+    by_motion = -np.column_stack([found.by_start, found.by_rotation / o.arm])
+    return layout.nodal(blocks, by_motion=by_motion)
 
 
 class _Terms:
@@ -407,25 +355,21 @@ class _Terms:
 
     Args:
         now: Operators at the end of the step.
-        earlier: State that defines the partners.
+        then: Fields of the state that defines the partners.
         partners: The partners.
     """
 
-    def __init__(self, now: PlaneOperators, earlier: Earlier, partners: Partners) -> None:
+    def __init__(self, now: PlaneOperators, then: ContactFields, partners: Partners) -> None:
         self.now, self.partners = now, partners
-        self.o: PlaneOperators = earlier.operators
-        self.faces = earlier.fields.covered
-        o, (then, _, found) = self.o, partners.at(now)
-        self.per_weight = per_weight_of(o, self.faces)
+        self.o: PlaneOperators = then.operators
+        self.faces = then.covered
+        o, (present, _, found) = self.o, partners.at(now)
+        self.per_weight = then.per_weight
         counts = partners.present == 0.0  # nodes with a distance at the earlier state
         self.e, self.start = found.by_vector, np.where(counts[:, None], found.by_start, 0.0)
         self.turned = np.where(counts, found.by_start_normal, 0.0)[:, None] * quarter_turn(o.n)
         self.by_angle = found.by_angle
-        self.angles = then, partners.at(o).orientation
-
-    def _by_D(self, j: Indices, k: Indices) -> Array:
-        """d(slip of nodes ``j``)/dP[j, k]; shapes broadcast [length]."""
-        return _dot(self.e[j], self.now.x[k]) + _dot(self.start[j], self.o.x[k])
+        self.angles = present, partners.at(o).orientation
 
     def _by_M(self, j: Indices, l: Indices) -> Array:
         """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast [length]."""
@@ -439,9 +383,9 @@ class _Terms:
     def blocks(self) -> Iterator[Block]:
         """Blocks of the derivative of the slip: rows slave nodes, columns dofs of both sides."""
         yield from self._of_matrices()
-        yield from by_positions(self.o, self.partners.pairing.entries, self.start)
+        yield from by_positions(self.o, self.partners.entries, self.start)
         yield from self._of_normals()
-        yield from self._of_nearest()
+        yield from of_nearest(self.o, self.faces, lambda j, l, _: self._by_M(j, l)[..., None])
 
     def _of_matrices(self) -> Iterator[Block]:
         """Terms with the changes of D, M and w at nodes with rows in them.
@@ -452,7 +396,8 @@ class _Terms:
         if o.linearization.frozen:
             return
         scale = self.per_weight[s.slave]
-        by_D = self._by_D(s.slave[:, :, None], s.slave[:, None, :])
+        j, k = s.slave[:, :, None], s.slave[:, None, :]
+        by_D = _dot(self.e[j], self.now.x[k]) + _dot(self.start[j], o.x[k])
         values = np.einsum("sjkq,sjk,sj->sjq", o.dD, by_D, scale)
         i, k = s.pairs[:, 0], s.pairs[:, 1]
         by_M = self._by_M(s.slave[i][:, :, None], s.master[i][:, None, :])
@@ -472,25 +417,6 @@ class _Terms:
         yield rows_at_nodes(o.slave, o.normal_columns(), o.normal_derivative(self.turned))
         if before is not None:
             yield from self.partners.by_angle(o, before, -self.by_angle)
-
-    def _of_nearest(self) -> Iterator[Block]:
-        """Terms with the motion along the nearest facet, at nodes without rows in M."""
-        o = self.o
-        j = np.flatnonzero(~self.faces)
-        ends, weights = nearest_on_master(o, j)
-        mine = share_of(np.arange(j.size), o.slave.comm)
-        j, (a, b), f = j[mine], ends[mine].T, weights[mine, 1:]
-        chord = o.m[b] - o.m[a]
-        per_square = 1.0 / (chord**2).sum(axis=1)[:, None]
-        by_x = chord * per_square
-        by_b = (o.x[j] - o.m[a] - 2.0 * f * chord) * per_square
-        scale = (self._by_M(j, b) - self._by_M(j, a))[:, None]
-        for surface, nodes, change in (
-            (o.slave, j, by_x),
-            (o.master, a, -by_x - by_b),
-            (o.master, b, by_b),
-        ):
-            yield Block(j[:, None], surface.dofs_of(nodes[:, None]), (scale * change)[:, None])
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -554,7 +480,7 @@ def by_parameter(contact: Contact, name: str, response: Response) -> Matrix:
         return by_node(response(contact, name, value, np.ones_like(value), at)[:, :, None])
     units = np.eye(value.size).reshape(value.size, *value.shape)
     columns = [response(contact, name, value, unit, at).ravel() for unit in units]
-    return Matrix.dense(np.column_stack(columns))
+    return np.column_stack(columns)
 
 
 @dataclass(frozen=True)
@@ -581,7 +507,7 @@ def memory_of_pair(contact: Contact) -> PairMemory:
         ValueError: On all ranks, if the law cannot be differentiated.
     """
     law, f = contact.pair.law, contact.now
-    given = f.of_geometry
+    given = replace(f.nodal, gap=f.mean_gap)
 
     def by(response: Response, name: str, value: Array, at: At) -> Array:
         return response(contact, name, value, np.ones_like(value), at)
@@ -601,7 +527,7 @@ def memory_of_pair(contact: Contact) -> PairMemory:
 
     by_fields = {name: by_argument(name) for name in ("gap", "slip", "z_n", "z_tau")}
     by_mean_gap = by_fields["gap"] + by_fields["slip"] * f.slip_by_gap[:, None]
-    gap = by_mean_gap * over_weights(f, np.ones(len(f.state.z)))[:, None]
+    gap = by_mean_gap * f.per_weight[:, None]
     by_fields |= {"gap": gap, "weight": -gap * f.mean_gap[:, None]}
     return PairMemory(by_fields, by_own(change_of_memory), by_own(change_of_rows))
 
@@ -655,7 +581,7 @@ def change_of_memory(contact: Contact, name: str, value: Array, direction: Array
 
 def _complex(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Nodal:
     """Changed complex arguments of a law, with its closing gap in place of the gap (local)."""
-    given = f.of_geometry
+    given = replace(f.nodal, gap=f.mean_gap)
     numbers = {name: getattr(given, name).astype(complex) for name in NUMBERS}
     node = replace(given, **{**numbers, **changes})
     if not law.has_closing_gap:

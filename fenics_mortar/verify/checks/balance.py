@@ -135,10 +135,11 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     yield from _of_conduction(measured)
 
 
-def of_tie(tie: Tie) -> Iterator[Finding]:
+def of_tie(tie: Any) -> Iterator[Finding]:
     """Balance of the forces and of the fluxes of a tied pair (collective)."""
     yield from _of_forces(tie)
-    yield from _of_tied_fields(tie)
+    for field in tie.fluxes:
+        yield _imbalance(field.field, np.concatenate(field.loads()), 0.0)
 
 
 def _of_forces(contact: Interface) -> Iterator[Finding]:
@@ -189,11 +190,11 @@ def _of_conduction(measured: Any) -> Iterator[Finding]:
     for flux in measured.contact.fluxes:
         if flux.is_separate:
             continue  # h [T] is all that its flux is
-        now = flux.at(measured.contact.now)
+        now = flux.now
         h, stiffest = now.conductance, np.minimum(now.conductance, flux.cells)
         from_flux = np.where(h > 0.0, now.conduction / np.where(h > 0.0, h, 1.0), 0.0)
         wrong = np.where(h > 0.0, stiffest * (now.jump - from_flux), now.conduction)
-        level = LIMITS.min_force * flux.cells * flux.largest
+        level = LIMITS.min_force * flux.cells * np.abs(flux.T).max(initial=0.0)
         level += SMALL_FLUX * norms(measured.contact.z) / flux.to_force
         size = float(weight @ (np.abs(now.conduction) + level))
         yield Finding(
@@ -202,12 +203,6 @@ def _of_conduction(measured: Any) -> Iterator[Finding]:
             float(weight @ np.abs(wrong)) / positive_or_one(size),
             limit=WRONG_FLUX, remark=LIMITS.tolerance,
         )  # fmt: skip
-
-
-def _of_tied_fields(tie: Any) -> Iterator[Finding]:
-    """Imbalance of the flux of each tied field over the sum of its absolute loads (collective)."""
-    for field in tie.fluxes:
-        yield _imbalance(field.field, np.concatenate(field.loads()), 0.0)
 
 
 def _imbalance(field: int, loads: Array, source: float) -> Finding:

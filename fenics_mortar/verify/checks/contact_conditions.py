@@ -160,19 +160,15 @@ def _deepest(contact: Contact, gaps: Array, at: Array) -> Place:
 
 def _without_partner(measured: Measured) -> Iterator[Finding]:
     """Number of nodes inside another body without a partner in any pair, and of slave nodes."""
-    contact = measured.contact
-    yield _missed(contact, _count_missed(measured))
-    yield _uncovered(contact.multiplier_nodes & ~contact.covered)
-
-
-def _missed(contact: Contact, missed: int) -> Finding:
-    return Finding(
+    contact, missed = measured.contact, _count_missed(measured)
+    yield Finding(
         "missed_nodes", "nodes inside another body without a partner", missed,
         f"{missed} nodes are inside another body and have no partner: contact was missed, since "
         f"partners are searched {describe_search_radius(contact)}; take smaller steps or a larger "
         "search_radius",
         limit=0,
     )  # fmt: skip
+    yield _uncovered(contact.multiplier_nodes & ~contact.covered)
 
 
 def _uncovered(nodes: Flags) -> Finding:
@@ -184,27 +180,14 @@ def _count_missed(measured: Measured) -> int:
 
     A node with a partner in any pair is no missed contact.
     """
-    contact, bulk, paired = measured.contact, measured.bulk, measured.paired
-    found = 0
-    if measured.inside is not None:
-        nodes = np.unique(np.concatenate([contact.slave.nodes, contact.master.nodes]))
-        found += int((np.isin(nodes, measured.inside) & ~np.isin(nodes, paired)).sum())
-    else:
-        o, labels = contact.operators, measured.labels
-        mine = bulk.space.spread(labels)
-        sides = (contact.slave, o.x), (contact.master, o.m)
-        own = [side.gather(mine)[:, 0] for side, _ in sides]
-        labels = np.where(np.isin(labels, np.unique(np.concatenate(own))), labels, -1)
-        for (surface, x), of_surface in zip(sides, own, strict=True):
-            alone = ~np.isin(surface.nodes, paired)
-            inside = bulk.cells.inside_other_body(
-                bulk.positions(), x[alone], of_surface[alone], labels
-            )
-            found += int(inside.sum())
+    contact = measured.contact
+    of_pair = np.concatenate([contact.slave.nodes, contact.master.nodes])
+    inside = np.intersect1d(measured.inside, of_pair)
+    found = np.setdiff1d(inside, measured.paired).size
     if contact.obstacle is not None:
         phi = contact.on_obstacle.phi - contact.now.offset
         deep = phi < -HALF_FACET * contact.slave.nodal_lengths
-        found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
+        found += int((deep & ~np.isin(contact.slave.nodes, measured.paired)).sum())
     return found
 
 

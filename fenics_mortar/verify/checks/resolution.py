@@ -225,7 +225,7 @@ def _largest_facets(contact: Contact) -> tuple[Array, Array]:
     if slave.dim == 3:
         own = slave.nodal_lengths
     else:
-        np.maximum.at(own, slave.facets, slave.lengths[:, None])
+        np.maximum.at(own, slave.facets, slave.facet_sizes[:, None])
     if contact.obstacle is not None:
         return own, opposite
     if slave.dim == 2:
@@ -322,17 +322,12 @@ def _is_point_support(contact: Contact, nodes: Indices, facet: float) -> bool:
     return bool(across[i, j] < 2.0 * HALF_FACET * facet * sines[i, j])
 
 
-def _turns_of(surface: Curve) -> Array:
-    """Angles between the undeformed facets at each node, 90 degrees at ends, (nodes,) [radian]."""
-    X, before, after = surface.X, surface.previous, surface.following
-    turns = np.abs(angles_between(X - X[before], X[after] - X))
-    return np.where((before < 0) | (after < 0), 0.5 * np.pi, turns)
-
-
 def _sagittas(surface: Curve) -> Array:
     """Sagittas of curves through the undeformed facets at each node, (nodes,) [length]."""
-    turns = _turns_of(surface)
-    return np.where(turns < LIMITS.sharp_corner, turns, 0.0) * surface.nodal_lengths / 8.0
+    X, before, after = surface.X, surface.previous, surface.following
+    turns = np.abs(angles_between(X - X[before], X[after] - X))
+    is_curve = (before >= 0) & (after >= 0) & (turns < LIMITS.sharp_corner)
+    return np.where(is_curve, turns, 0.0) * surface.nodal_lengths / 8.0
 
 
 def _gaps_of_facets(contact: Contact, pressure: Array) -> tuple[float, str]:
