@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -38,6 +39,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.cells import normals_of
 from fenics_mortar.interface.outline import Outline, extract_outline
+from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.obstacles.rigid_motion import rigid_motions, turned
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import (
@@ -65,15 +67,12 @@ class PartMotion:
     """Translation of one side of a section of a body along an axis, against the other side.
 
     Attributes:
-        name: Name of the section.
-        number: Position of its load among the remote loads with motions.
-        axis: Direction in which the side moves when the body is tightened, shape (2,) [1].
+        load: The remote load of the section, with its ``axis``: the direction in which the side
+            moves when the body is tightened, shape (dim,) [1].
         moves: Whether a part of the mesh moves, shape (parts,), bool.
     """
 
-    name: str
-    number: int
-    axis: Array
+    load: Any
     moves: Flags
 
 
@@ -111,7 +110,7 @@ class FloatingBody:
             parts: Parts of the mesh in which they lie, shape (n,).
         """
         rigid = rigid_motions(X, self.centre, self.size)
-        of_sections = [np.outer(each.moves[parts], each.axis)[None] for each in self.sections]
+        of_sections = [np.outer(each.moves[parts], each.load.axis)[None] for each in self.sections]
         return np.einsum("fm,mnc->fnc", self.motions, np.vstack([rigid, *of_sections]))
 
     def without(self, responses: Array) -> FloatingBody:
@@ -147,7 +146,7 @@ class FloatingBody:
         if np.abs(at_sections).max(initial=0.0) > MINOR:
             most = int(np.abs(at_sections).argmax())
             how = "be shortened" if at_sections[most] > 0.0 or not directed else "be pulled apart"
-            return f"{how} at section '{self.sections[most].name}'"
+            return f"{how} at section '{self.sections[most].load.motion.name}'"
         return describe_motion(rigid, self.centre, self.size, directed=directed, poles=poles)
 
     def describe_all(self) -> str:
@@ -456,7 +455,7 @@ def _check_copies(mesh: Any, sides: _Sides) -> None:
     copies = i[close & ((normals[i] * normals[j]).sum(axis=1) > 0.0)]
     if copies.size:
         raise MeshError(
-            f"the mesh fills a place twice: two facets of the outside coincide at "
+            f"the mesh covers a place twice: two facets of the outside coincide at "
             f"{format_point(middles[copies[0]])}, with their bodies on the same side; remove the "
             "copy"
         )
@@ -474,7 +473,7 @@ def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
     if (near & same).any():
         where = middles[i[np.argmax(near & same)]]
         raise MeshError(
-            f"the mesh covers an area twice: two facets of outlines coincide at "
+            f"the mesh covers a place twice: two facets of the outside coincide at "
             f"{format_point(where)}, with their bodies on the same side; remove the copy"
         )
     paired = np.zeros(len(start), bool)
@@ -494,7 +493,7 @@ def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
             "the mesh (a node that hangs on an edge there leaves a slit)"
         )
     inside = middles + BESIDE * np.stack([-along[:, 1], along[:, 0]], axis=1)
-    _check_nested(start, end, inside, body)
+    _check_nested(outline, inside)
 
 
 def _cross_at_nodes(
@@ -518,39 +517,29 @@ def _cross_at_nodes(
     return found
 
 
-def _check_nested(start: Array, end: Array, inside: Array, body: Indices) -> None:
+def _check_nested(outline: Outline, beside: Array) -> None:
     """Reject a body inside another one that has no hole for it (local).
 
     Args:
-        start: Start points of the facets, shape (n, 2) [length].
-        end: End points, shape (n, 2) [length].
-        inside: Points beside them, inside their bodies, shape (n, 2) [length].
-        body: Their bodies, shape (n,).
+        outline: The outlines.
+        beside: Points beside the segments, inside their bodies, shape (m, 2) [length].
     """
-    bodies = np.unique(body)
-    boxes = {b: (start[body == b].min(axis=0), start[body == b].max(axis=0)) for b in bodies}
-    for inner in bodies:
-        for outer in bodies:
-            (low, high), (lower, higher) = boxes[inner], boxes[outer]
-            if inner == outer or not ((low > lower).all() and (high < higher).all()):
-                continue
-            mine, other = body == inner, body == outer
-            if _inside(inside[mine], start[other], end[other]).all() and not (
-                _inside(start[other], start[mine], end[mine]).any()
-            ):
-                raise MeshError(
-                    f"the body around {format_point(start[mine].mean(axis=0))} lies inside the one "
-                    f"around {format_point(start[other].mean(axis=0))}, which has no hole there: "
-                    "cut one"
-                )
+    body, start = outline.segment_bodies, outline.X[outline.segments[:, 0]]
+    points = {int(b): start[body == b] for b in np.unique(body)}
+    boxes = {b: (x.min(axis=0), x.max(axis=0)) for b, x in points.items()}
 
+    def is_inside(b: int, x: Array) -> Flags:
+        return depths_inside(outline.X, outline.segments[body == b], x)[:, 0] > 0.0
 
-def _inside(points: Array, start: Array, end: Array) -> Flags:
-    """Whether points (n, 2) lie in an outline, by the facets that a ray from each crosses."""
-    inside = np.zeros(len(points), bool)
-    for k, (x, y) in enumerate(points):
-        meets = (start[:, 1] > y) != (end[:, 1] > y)
-        a, b = start[meets], end[meets]
-        at = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-        inside[k] = (at > x).sum() % 2 == 1
-    return inside
+    for inner, outer in permutations(points, 2):
+        (low, high), (lower, higher) = boxes[inner], boxes[outer]
+        if not ((low > lower).all() and (high < higher).all()):
+            continue
+        if is_inside(outer, beside[body == inner]).all() and not (
+            is_inside(inner, points[outer]).any()
+        ):
+            raise MeshError(
+                f"the body around {format_point(points[inner].mean(axis=0))} lies inside the one "
+                f"around {format_point(points[outer].mean(axis=0))}, which has no hole there: cut "
+                "one"
+            )

@@ -32,6 +32,8 @@ from ufl.corealg.traversal import unique_pre_traversal
 from ufl.geometry import GeometricQuantity
 
 from fenics_mortar.interface.corners import TURN
+from fenics_mortar.interface.self_contact import shared_nodes
+from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.mesh.data import MeshData, check_solid, check_tags
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
@@ -52,12 +54,12 @@ if TYPE_CHECKING:
     from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.mesh.space import DisplacementSpace
 
-# Name of the measure, dimension of the mesh minus that of its entities, and description of these,
-# by UFL's type of integral.
+# Name of the measure, dimension of the mesh minus that of its entities, and descriptions of one and
+# of all of these, by UFL's type of integral.
 MEASURES = {
-    "cell": ("dx", 0, "cell"),
-    "exterior_facet": ("ds", 1, "facet of the boundary"),
-    "interior_facet": ("dS", 1, "facet inside the bodies"),
+    "cell": ("dx", 0, "cell", "cells"),
+    "exterior_facet": ("ds", 1, "facet of the boundary", "the boundary"),
+    "interior_facet": ("dS", 1, "facet inside the bodies", "inner facets"),
 }
 
 
@@ -73,7 +75,7 @@ def check_subdomains(what: str, form: Any, mesh: dmesh.Mesh, named: Sequence[Mes
     Raises:
         MeshError: On all ranks.
     """
-    for kind, (measure, codimension, entity) in MEASURES.items():
+    for kind, (measure, codimension, entity, _) in MEASURES.items():
         dim = mesh.topology.dim - codimension
         integrals = [i for i in form.integrals() if i.integral_type() == kind]
         numbers = sorted(set().union(*(_numbers(i.subdomain_id()) for i in integrals)))
@@ -143,8 +145,6 @@ def _listed(present: Sequence[int], tags: Any, named: Sequence[MeshData]) -> str
     return ", ".join(shown) or "none"
 
 
-# Names of UFL's integral types in messages.
-_DOMAINS = {"cell": "cells", "exterior_facet": "the boundary", "interior_facet": "inner facets"}
 # Nodes of cells of order 2.
 NODES_OF_ORDER_2 = {"triangle": 6, "quadrilateral": 9, "tetrahedron": 10, "hexahedron": 27}
 
@@ -231,27 +231,33 @@ def _have_common_master(one: Interface, other: Interface) -> bool:
 
 def have_common_facet(one: Surface, other: Surface) -> bool:
     """Whether two surfaces have a facet in common (local)."""
-    first, second = (set(map(tuple, s.nodes[s.facets[:, [0, -1]]].tolist())) for s in (one, other))
+    corners = (np.sort(surface.nodes[surface.corners], axis=1) for surface in (one, other))
+    first, second = (set(map(tuple, nodes.tolist())) for nodes in corners)
     return bool(first & second)
 
 
 def _continue(one: Surface, other: Surface) -> bool:
-    """Whether one of two surfaces continues the other, without a corner where they meet (local)."""
-    for first, second in ((one, other), (other, one)):
-        ends, starts = first.nodes[first.facets[:, -1]], second.nodes[second.facets[:, 0]]
-        _, i, j = np.intersect1d(ends, starts, return_indices=True)
-        before, after = _edges(first)[i], _edges(second)[j]
-        cosine = np.einsum("ia,ia->i", before, after)
-        if (cosine > np.cos(TURN)).any():
-            return True
-    return False
+    """Whether one of two surfaces continues the other, without a corner where they meet (local).
+
+    They meet where a facet of each has an edge in common, in the plane where one ends and the other
+    begins: two faces of a crack may begin at one node.
+    """
+    corners = [surface.nodes[surface.corners] for surface in (one, other)]
+    facets = np.concatenate(corners)
+    count = facets.max(initial=0) + 1  # obstacles have no facets
+    common = shared_nodes(facets, count)[: len(one.facets), len(one.facets) :]
+    i, j = (common >= one.dim - 1).nonzero()
+    cosine = np.einsum("ic,ic->i", _normals(one)[i], _normals(other)[j])
+    if one.dim == 2:
+        (start, end), (other_start, other_end) = corners[0][i].T, corners[1][j].T
+        cosine = cosine[(end == other_start) | (other_end == start)]
+    return bool((cosine > np.cos(TURN)).any())
 
 
-def _edges(surface: Surface) -> Array:
-    """Unit vectors from start to end of the undeformed facets, shape (facets, 2) (local)."""
-    ends = surface.X[surface.facets[:, [0, -1]]]
-    edges = ends[:, 1] - ends[:, 0]
-    return edges / np.linalg.norm(edges, axis=1)[:, None]
+def _normals(surface: Surface) -> Array:
+    """Unit normals of the undeformed facets, shape (facets, dim) (local)."""
+    n = outward_normals(surface.X[surface.facets])
+    return n / np.linalg.norm(n, axis=1)[:, None]
 
 
 def check_residual(name: str, residual: Any, u: Any, *, contains_u: bool = True) -> None:
@@ -295,7 +301,7 @@ def check_domain(name: str, form: Any, mesh: Any) -> None:
         ValueError: If another mesh occurs, or such a number; names the object.
     """
     for integral in form.integrals():
-        where = _DOMAINS.get(integral.integral_type(), "parts")
+        where = MEASURES.get(integral.integral_type(), ("parts",))[-1]
         if integral.ufl_domain() != mesh:
             raise ValueError(
                 f"the {name} has an integral over {where} of another mesh than that of u"
@@ -392,7 +398,6 @@ PI = [2.0 * np.pi, np.pi]
 # Types of expressions of UFL whose factors are those of their operands, or of the first one.
 PRODUCTS = ufl.classes.Product, ufl.classes.Inner, ufl.classes.Dot
 FIRST_OPERAND = ufl.classes.Division, ufl.classes.IndexSum, ufl.classes.CoefficientDerivative
-KINDS = {"cell": "cells", "exterior_facet": "boundaries", "interior_facet": "inner facets"}
 
 
 def remark_on_thickness(
@@ -430,7 +435,7 @@ def remark_on_thickness(
         return ""  # parts of the bodies have the thickness one
     comm = space.V.mesh.comm
     missing = {
-        KINDS.get(kind, kind)
+        MEASURES.get(kind, (kind,))[-1]
         for kind, integrand in integrals
         if not _has_factor(integrand, u, factors, comm, varies=varies)
     }
@@ -447,34 +452,26 @@ def remark_on_thickness(
 
 def _revolved(integral: Any, u: Any) -> Iterator[str]:
     """Parts of an integral that only bodies of revolution have, as text."""
-    if (True, True) in _weights(integral.integrand()):
+    radius = ufl.SpatialCoordinate(u.function_space.mesh)[0]
+    if (True, True) in _weights(integral.integrand(), radius):
         yield "the factor 2 pi X[0]"
     for part in unique_pre_traversal(integral.integrand()):
-        if isinstance(part, ufl.classes.Division) and _is_radius(part.ufl_operands[1]):
+        if isinstance(part, ufl.classes.Division) and part.ufl_operands[1] == radius:
             inside = list(unique_pre_traversal(part.ufl_operands[0]))
             if u in inside and not any(isinstance(p, ufl.classes.Grad) for p in inside):
                 yield "the hoop strain u[0] / X[0]"
 
 
-def _weights(expression: Any) -> set[tuple[bool, bool]]:
+def _weights(expression: Any, radius: Any) -> set[tuple[bool, bool]]:
     """For each term of an expression, whether 2 pi, or pi, and X[0] are among its factors."""
-    operands = expression.ufl_operands
+    if not isinstance(expression, (*FIRST_OPERAND, *PRODUCTS, ufl.classes.Sum)):
+        return {(_near(_values([expression]), PI), expression == radius)}
+    first, *others = (_weights(each, radius) for each in expression.ufl_operands)
     if isinstance(expression, FIRST_OPERAND):
-        return _weights(operands[0])
+        return first
     if isinstance(expression, ufl.classes.Sum):
-        return _weights(operands[0]) | _weights(operands[1])
-    if isinstance(expression, PRODUCTS):
-        both = product(_weights(operands[0]), _weights(operands[1]))
-        return {(a or c, b or d) for (a, b), (c, d) in both}
-    return {(_near(_values([expression]), PI), _is_radius(expression))}
-
-
-def _is_radius(expression: Any) -> bool:
-    """Whether an expression is X[0]."""
-    if not isinstance(expression, ufl.classes.Indexed):
-        return False
-    vector, index = expression.ufl_operands
-    return isinstance(vector, ufl.classes.SpatialCoordinate) and [*map(str, index)] == ["0"]
+        return first.union(*others)
+    return {(a or c, b or d) for (a, b), (c, d) in product(first, *others)}
 
 
 def _has_factor(
@@ -483,13 +480,12 @@ def _has_factor(
     """Whether a factor may occur in an integrand; always if it ``varies`` as a function there."""
     parts = list(unique_pre_traversal(integrand))
     functions = [part for part in parts if isinstance(part, ufl.Coefficient) and part is not u]
-    if _near(_values(parts), factors):
-        return True
-    if varies and any(isinstance(part, ufl.classes.SpatialCoordinate) for part in parts):
-        return True
+    values = _values(parts)
     if varies or len(factors) > 1:  # a function may be the radius times 2 pi
-        return bool(functions)
-    return any(on_any_rank(comm, _near(np.real(f.x.array), factors)) for f in functions)
+        by_place = varies and any(isinstance(p, ufl.classes.SpatialCoordinate) for p in parts)
+        return bool(functions) or by_place or _near(values, factors)
+    values = np.concatenate([values, *(np.real(function.x.array) for function in functions)])
+    return on_any_rank(comm, _near(values, factors))
 
 
 def _near(values: Array, factors: list[float]) -> bool:
@@ -537,7 +533,7 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
         )
 
 
-def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
+def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
     """Reject a residual of plane bodies with axisymmetry (local, equal on all ranks).
 
     Args:
@@ -545,29 +541,29 @@ def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
         u: Displacement or mixed function.
         space: The displacement's space; without effect unless it is axisymmetric.
 
+    Returns:
+        Remark on boundary integrals without the radius; "" if there are none.
+
     Raises:
         ValueError: If integrals over cells depend neither on the coordinates nor on a function that
             could be the radius.
     """
-    if "cell" in _without_radius(residual, u, space):
+    without = {
+        integral.integral_type()
+        for integral in (residual.integrals() if space.is_axisymmetric else ())
+        if not extract_type(integral.integrand(), ufl.geometry.SpatialCoordinate)
+        and not extract_type(integral.integrand(), ufl.Coefficient) - {u}
+    }
+    if "cell" in without:
         raise ValueError(
             "the residual does not contain the radius in integrals over cells: with "
             "geometry='axisymmetric' multiply its measures by 2 * pi * X[0], X = "
             "ufl.SpatialCoordinate(mesh), and add the hoop strain"
         )
-
-
-def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
-    """Remark on boundary integrals without the radius; "" if there are none (local).
-
-    Arguments as for ``check_radius``.
-    """
-    if not _without_radius(residual, u, space) - {"cell"}:
-        return ""
     return (
         "the residual has boundary integrals without the radius: with geometry='axisymmetric' a "
         "traction needs the factor 2 pi X[0]"
-    )
+    ) * bool(without)
 
 
 def check_axis_values(space: DisplacementSpace, u: Any, bcs: list[Any], on_axis: Indices) -> None:
@@ -594,19 +590,6 @@ def check_axis_values(space: DisplacementSpace, u: Any, bcs: list[Any], on_axis:
             f"nodes on the axis are moved away from it by {largest:.3g}: expected 0 for their "
             "radial component"
         )
-
-
-def _without_radius(residual: Any, u: Any, space: DisplacementSpace) -> set[str]:
-    """Types of the integrals that cannot be weighted by the radius."""
-    if not space.is_axisymmetric:
-        return set()
-    integrals = [(part.integral_type(), part.integrand()) for part in residual.integrals()]
-    return {
-        kind
-        for kind, integrand in integrals
-        if not extract_type(integrand, ufl.geometry.SpatialCoordinate)
-        and not extract_type(integrand, ufl.Coefficient) - {u}
-    }
 
 
 def radial_dofs_on_axis(space: DisplacementSpace) -> Indices:

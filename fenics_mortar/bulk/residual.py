@@ -369,7 +369,7 @@ class Bulk:
             self._assemble_cells()
         if self.inertia is not None:
             self.inertia.add_to_tangent(self.K, includes_mass=self._K_includes_mass)
-            self._K_includes_mass = True
+            self._K_includes_mass |= self.inertia.factor != 0.0  # PETSc skips products with zero
         self._K_is_whole = True
 
     def _is_known(self, data: list[Array]) -> bool:

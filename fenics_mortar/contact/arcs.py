@@ -369,8 +369,16 @@ class Material:
         led: tuple[Flags, Array] | None = None,
     ) -> None:  # fmt: skip
         self.surface, self._count = surface, weights.shape[0]
-        self._of_spokes = weights, surface, mirrored
-        j, l, k, size, kept = self.spokes
+        self._weights, self._mirrored = weights, mirrored
+        each, kept = weights.tocoo(), np.ones((1, 1, 1))
+        ring = surface.stencil[each.col]
+        entry, near = np.nonzero(ring >= 0)  # spokes of the node l at the point j to k beside it
+        j, l, k = each.row[entry], each.col[entry], ring[entry, near]
+        size = np.abs(each.data[entry])
+        if mirrored.any():
+            both = ~(mirrored[:, :, None] | mirrored[:, None]) | np.eye(3, dtype=bool)
+            alone = (mirrored[l] & mirrored[k]).sum(axis=1)  # planes that hold both nodes
+            kept = both[l] * 0.5 ** alone[:, None, None]
         start = x_0[k] - x_0[l]
         if led is not None:
             start = np.where(led[0][j][:, None], led[1][k] - led[1][l], start)
@@ -382,17 +390,20 @@ class Material:
         self.pairs: tuple[Indices, Indices] = np.divmod(pairs, surface.num_nodes)
         self._spokes: Array = np.stack(sums, axis=1).astype(float).reshape(-1, *spokes.shape[1:])
 
-    @property
-    def spokes(self) -> Spokes:
-        """The nodes around each node, for all material points."""
-        return spokes_of(*self._of_spokes)
+    def starting_at(self, x: Array) -> Material:
+        """The same nodes around the same points, with ``x`` (nodes, 3) [length] as ``x_0``."""
+        return Material(self._weights, self.surface, x, self._mirrored)
 
-    def turned(self, x: Array) -> Turned:
-        """Rotations from ``x_0`` to the positions ``x`` (nodes, 3) [length]."""
+    def products(self, x: Array) -> Array:
+        """Sums A of dx dx_0^T at the material points, (n, 3, 3) [length^2]; ``x``: positions."""
         j, k = self.pairs
         products = (x[k][:, :, None] * self._spokes).reshape(-1, 9)
         sums = [np.bincount(j, c, self._count) for c in products.T]
-        A = np.stack(sums, axis=1).reshape(-1, 3, 3).astype(float)
+        return np.stack(sums, axis=1).reshape(-1, 3, 3).astype(float)
+
+    def turned(self, x: Array) -> Turned:
+        """Rotations from ``x_0`` to the positions ``x`` (nodes, 3) [length]."""
+        A = self.products(x)
         Q, _ = polar(A)
         P = A @ Q.swapaxes(1, 2)
         trace = np.trace(P, axis1=1, axis2=2)
@@ -401,41 +412,12 @@ class Material:
         inner = np.where(none, 3.0, trace)[:, None, None] * np.eye(3) - P
         return Turned(Q, np.linalg.inv(inner))
 
-    def rows(self, at: Turned, along: Array) -> Block:
-        """Block of along_j . a_j of this rank, with the spins a of ``at``, for ``along`` (n, 3)."""
+    def rows(self, by_products: Array) -> Block:
+        """Block of the products of ``by_products`` (n, 3, 3) and dA, of this rank."""
         mine = share_of(np.arange(len(self._spokes)), self.surface.comm)
         j, k = self.pairs[0][mine], self.pairs[1][mine]
-        values = (at.by_products(along)[j] * self._spokes[mine]).sum(axis=2)
+        values = (by_products[j] * self._spokes[mine]).sum(axis=2)
         return Block(j[:, None], self.surface.dofs[k], values[:, None])
-
-
-class Spokes(NamedTuple):
-    """Nodes around the nodes at material points: each spoke adds size dx dx_0^T kept to A.
-
-    Attributes:
-        point, node, end: Material point, node, and the node beside it, shape (s,) each.
-        size: Size of the node's weight, shape (s,) [1].
-        kept: Factors of the products of components, shape (s, 3, 3) or (1, 1, 1) [1].
-    """
-
-    point: Indices
-    node: Indices
-    end: Indices
-    size: Array
-    kept: Array
-
-
-def spokes_of(weights: csr_array, surface: Surface, mirrored: Flags) -> Spokes:
-    """The spokes at material points (local); arguments as of ``Material``."""
-    each = weights.tocoo()
-    ring = surface.stencil[each.col]
-    point, near = np.nonzero(ring >= 0)
-    l, k, kept = each.col[point], ring[point, near], np.ones((1, 1, 1))
-    if mirrored.any():
-        both = ~(mirrored[:, :, None] | mirrored[:, None]) | np.eye(3, dtype=bool)
-        alone = (mirrored[l] & mirrored[k]).sum(axis=1)  # planes that hold both nodes
-        kept = both[l] * 0.5 ** alone[:, None, None]
-    return Spokes(each.row[point], l, k, np.abs(each.data[point]), kept)
 
 
 class Screw(NamedTuple):

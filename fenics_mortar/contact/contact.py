@@ -51,11 +51,11 @@ from fenics_mortar.contact.interface import (
 from fenics_mortar.contact.law import Frictionless, Nodal
 from fenics_mortar.contact.rows import ContactRows, MultiplierNodes, next_sets, normals_on_planes
 from fenics_mortar.contact.slip import find_partners
-from fenics_mortar.contact.space_partners import find_space_partners
+from fenics_mortar.interface.facing import face
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import MortarError, SurfaceError, check_lengths, check_same
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class Contact(Interface):
     )
 
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
-    attracted, on_obstacle = read_only("now.attracted"), read_only("now.on_obstacle")
+    attracted, on_obstacle = read_only("now.attracted"), read_only("now.operators")
     arm = read_only("evaluation.arm")
 
     def __init__(
@@ -159,8 +159,8 @@ class Contact(Interface):
         memory = self.state.accepted_instant.memory
         start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
         start = replace(start, fields=self.parameters)
-        at_rest = np.zeros(none.size, np.int64)
-        branch = self.law_calls.branch(start, at_rest)
+        # ``tangential`` is given branches of the law also before the first active set
+        branch = self.law_calls.branch(start, np.zeros(none.size, np.int64))
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         law_calls.raise_stored(self.slave.comm, [self])
         self.all_fluxes = [
@@ -190,11 +190,18 @@ class Contact(Interface):
         return kept[:, :, None] * np.eye(self.slave.dim)
 
     @cached_property
-    def _mirrored(self) -> tuple[Flags, Flags]:
-        """Components of slave and master nodes across symmetry planes, shapes (nodes, dim)."""
+    def across_planes(self) -> Any:
+        """Symmetry planes, where surfaces rotate with their mirror images [1].
+
+        In the plane ``master_planes``, in space the components of slave and master nodes across
+        planes, shapes (nodes, 3), bool; ``None`` with small sliding: surfaces do not rotate.
+        """
+        if self.pair.sliding == "small":
+            return None
+        if self.slave.dim == 2:
+            return self.master_planes
         planes = (self.plane_normals, self.free), (self.master_planes, self.master_free)
-        slave, master = (np.isfinite(n[:, :1]) & (free == 0.0) for n, free in planes)
-        return slave, master
+        return [np.isfinite(n[:, :1]) & (free == 0.0) for n, free in planes]
 
     def leave_out(self, nodes: Flags) -> None:
         """Leave slave nodes (slave nodes,), bool, out of contact, see ``set_aside`` (local)."""
@@ -217,7 +224,7 @@ class Contact(Interface):
         if offset.any():
             operators = operators.minus_offset(offset)
         self.set_operators(operators)  # also if they are cached: the law may have changed
-        if self.slip_measure == "operators" or self.pair.discretization.slip == "operators":
+        if self.slip_measure == "operators":
             _ = self.operators.vectors  # collective: evaluated on all ranks
         for flux in self.fluxes:
             flux.evaluate(u)
@@ -231,11 +238,6 @@ class Contact(Interface):
         if self.obstacle is not None or self.pair.sliding == "small":
             return "partners"
         return "operators" if self.slave.dim == 3 else self.pair.discretization.slip
-
-    @property
-    def rotating_planes(self) -> Array | None:
-        """``master_planes`` [1] if the surfaces may rotate; ``None`` with small sliding."""
-        return None if self.pair.sliding == "small" else self.master_planes
 
     @property
     def partner_operators(self) -> Any:
@@ -264,8 +266,7 @@ class Contact(Interface):
     def begin(self) -> None:
         """Reset the counts of multiplier changes and turns, and the forces of the last solve."""
         self._multiplier_nodes.begin()
-        if not (self.state.force_decided is None and self.state.heading is None):
-            self.change(force_decided=None, heading=None)
+        self.change(force_decided=None, heading=None)
 
     def move(self, z: Array, fraction: float, step: Array) -> None:
         """See ``Interface``; also marks nodes with tensile multiplier and compressive force.
@@ -297,15 +298,17 @@ class Contact(Interface):
             slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
         now = self.now
-        found = self.partners_at(now)
-        slip, shear = found.counted, now.counted_shear.copy()
+        found = find_partners(now)
+        slip, shear = found.counted, now.surface_shear.copy()
         shear[~self.active] = 0.0
         turns = self.turns() if slid is None else self.partners.turns
         if slid is not None:  # rigid moves before a solve leave prescribed nodes behind
             slip = np.zeros_like(slip)
             slip[slid] = now.counted_slip[slid]
+        o, between = now.operators, self.slave.dim == 2 and self.obstacle is None
         found = replace(
-            found, counted=slip, shear=shear, pressure=np.where(self.active, now.z_n, 0.0),
+            found, facing=face(o, o.segments) if between and self.pair.law.has_friction else None,
+            counted=slip, shear=shear, pressure=np.where(self.active, now.z_n, 0.0),
             gap=np.where(self.covered, now.mean_gap, np.inf), turns=turns,
         )  # fmt: skip
         self.change(accepted_partners=found)
@@ -313,17 +316,6 @@ class Contact(Interface):
     def lead_by(self, turns: Callable[[], tuple[Array, ...]]) -> None:
         """Set ``turns``: rigid boundaries lead the bodies of some nodes (local)."""
         self.turns = turns
-
-    def partners_at(self, fields: Any) -> Any:
-        """Partners at the accepted state of some fields (collective)."""
-        o = fields.operators
-        least = self.slave.nodal_areas * (np.inf if self.pair.law.bridges_gap else ROUNDING)
-        given = o, fields.per_weight, self.slip_measure
-        if self.slave.dim == 3:
-            mirrored = None if self.pair.sliding == "small" else self._mirrored
-            return find_space_partners(*given, least=least, mirrored=mirrored)
-        planes, between = self.rotating_planes, self.pair.law.has_friction
-        return find_partners(*given, least=least, master_planes=planes, between=between)
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state (local)."""
@@ -373,7 +365,7 @@ class Contact(Interface):
         o = self.evaluation.at_outline(outline, carried.x, self._state, LINEARIZATIONS["frozen"])
         if self._state.offset.any():
             o = o.minus_offset(self._state.offset)
-        there = self.partners_at(type(self.now)(self, self._state, o))
+        there = find_partners(type(self.now)(self, self._state, o))
         place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
         if self.obstacle is None:
             master = arcs.Carried(*(there.M @ values for values in master))
@@ -426,7 +418,7 @@ class Contact(Interface):
         if self._read_law(before) is not before:
             self.change(accepted_instant=self._state.start_instant)
 
-    def _read_law(self, before: law_calls.Instant | None) -> law_calls.Instant:
+    def _read_law(self, before: law_calls.Instant) -> law_calls.Instant:
         """Read parameters and memory of the present law; results may be asked for at any time.
 
         Collective.
@@ -440,9 +432,9 @@ class Contact(Interface):
         law = self.pair.law
         self.parameters = self._parameters.sample(law) if law.fields else {}
         self._law = law  # not one whose parameters cannot be read
-        if before is not None and tuple(before.memory) == tuple(law.memory):
+        if tuple(before.memory) == tuple(law.memory):
             return before
-        first = law_calls.first_instant(law, self.slave, 0.0 if before is None else before.time)
+        first = law_calls.first_instant(law, self.slave, before.time)
         self.change(start_instant=first)
         return first
 
@@ -495,11 +487,8 @@ class Contact(Interface):
 
 def _covered_fraction(o: MortarOperators) -> Array:
     """Cover of slave nodes over that of fully covered facets, (slave nodes,) [1] (local)."""
-    slave = o.slave
-    if slave.thickness is None:
-        return o.cover / slave.full_cover
-    alone = slave.weightless
-    return np.where(alone, 0.0, o.cover / np.where(alone, 1.0, slave.full_cover))
+    alone = o.slave.weightless
+    return np.where(alone, 0.0, o.cover / np.where(alone, 1.0, o.slave.full_cover))
 
 
 def begin_step(contacts: Sequence[Interface]) -> None:
@@ -536,19 +525,18 @@ def _check_time(contact: Contact) -> None:
         )
 
 
-def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[law_calls.Instant | None]:
-    """Time and memory of all pairs at the end of the present step; ``None`` for ties (collective).
+def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[law_calls.Instant]:
+    """Time and memory of all pairs at the end of the present step (collective).
 
     Raises:
         Exception: Any error of a law, on all ranks.
         MortarError: On all ranks, if the memory of a law differs between ranks.
     """
-    found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
+    found = [_instant_of(c) if isinstance(c, Contact) else c.accepted_instant for c in contacts]
     law_calls.raise_stored(comm, contacts)
     memories = [
         (f"{name} of {contact.pair.law!r}", values)
         for contact, instant in zip(contacts, found, strict=True)
-        if instant is not None
         for name, values in instant.memory.items()
     ]
     if memories:
@@ -565,7 +553,7 @@ def _instant_of(contact: Contact) -> law_calls.Instant:
     return law_calls.Instant.of(contact.state.load_time, node.step, memory)
 
 
-def commit(contacts: Sequence[Interface], instants: Sequence[law_calls.Instant | None]) -> None:
+def commit(contacts: Sequence[Interface], instants: Sequence[law_calls.Instant]) -> None:
     """Set the accepted time and memory, from which the next step starts (local)."""
     for contact, instant in zip(contacts, instants, strict=True):
         contact.change(accepted_instant=instant)
@@ -574,7 +562,5 @@ def commit(contacts: Sequence[Interface], instants: Sequence[law_calls.Instant |
 def start_clock(contacts: Sequence[Interface], time: float) -> None:
     """Set the time of the accepted state (local)."""
     for contact in contacts:
-        instant = contact.state.accepted_instant
-        if instant is not None and instant.time != time:
-            instant = replace(instant, time=time)
+        instant = replace(contact.accepted_instant, time=time)
         contact.change(accepted_instant=instant, load_time=time)

@@ -29,11 +29,11 @@ tangent, the law resists equally in all directions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -56,11 +56,12 @@ from fenics_mortar.contact.law import (
     VectorRow,
     chain_rule,
 )
-from fenics_mortar.interface.mortar import Block, scaled
-from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, Array, Flags
 from fenics_mortar.utils.ranks import sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.mortar import Block
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
 LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "start_instant")
@@ -100,8 +101,7 @@ class ContactFields(InterfaceFields):
         row_tangents: Direction of the tangential row, (slave nodes, 2), in space of two [1].
         adhesion: Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length].
         counted_slip: Slip that a step may keep, (slave nodes,) [length]; in space its vectors.
-        counted_shear: Shear from which redundant sticks start, (slave nodes,) [stress]; in space
-            its vectors.
+        on_obstacle: The operators, of a pair with an obstacle.
     """
 
     covered: Any = property(attrgetter("gaps.covered"))
@@ -112,7 +112,8 @@ class ContactFields(InterfaceFields):
     row_tangents: Any = property(attrgetter("operators.tau"))
     adhesion: Any = property(attrgetter("pull.residual", "pull.by_gap"))
     counted_slip: Any = property(attrgetter("slip"))
-    counted_shear: Any = property(attrgetter("z_tau"))
+    surface_slip: Any = property(attrgetter("slip"))
+    on_obstacle: Any = property(attrgetter("operators"))
 
     @field("multiplier_nodes")
     def gaps(self) -> Gaps:
@@ -314,11 +315,11 @@ class ContactFields(InterfaceFields):
         return (self.operators.tau,)
 
     def along_tangents(self, vectors: Array) -> Array:
-        """Components of vectors (slave nodes, dim) along ``tangents``.
+        """Components of vectors (..., slave nodes, dim) along ``tangents``.
 
-        Shape (slave nodes,), in space (slave nodes, 2) [unit of the vectors].
+        Shape (..., slave nodes), in space (..., slave nodes, 2) [unit of the vectors].
         """
-        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, vectors))
+        return normal_parts(self.operators.tau, vectors)
 
     def at_gaps(self, row: Row) -> Row:
         """A row of the law with its whole derivative by the mean gap: slip depends on it."""
@@ -327,7 +328,7 @@ class ContactFields(InterfaceFields):
     @field(*RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:
         """``law_rows`` with derivatives by vectors; in space along two tangents, then along n."""
-        return tuple([self.by_vectors(row) for row in self.law_rows])
+        return tuple(map(self.by_vectors, self.law_rows))
 
     def by_vectors(self, row: Row) -> VectorRow:
         """A row with its derivatives by the vectors of multiplier and normal."""
@@ -338,17 +339,6 @@ class ContactFields(InterfaceFields):
             row.residual + none, by_n * o.n + by_tau * o.tau, row.by_slip + none, row.by_gap + none,
             by_n * z + by_tau * turned,
         )  # fmt: skip
-
-    def slip_derivative(self, along: Array) -> Iterator[Block]:
-        """Blocks of along_j times the slip's derivative of this rank at constant mean gaps.
-
-        Rows are slave nodes, columns displacement dofs; ``along`` has the shape (slave nodes,).
-        """
-        o, partners, own = self.operators, self.state.partners, self.interface.slave.owned
-        turned = o.tangential_derivative(along[:, None] * partners.rotated(o))
-        yield Block(own[:, None], o.normal_columns()[own], turned[own][:, None])
-        for block in partners.derivative(o):
-            yield scaled(block, along)
 
     @property
     def slip_by_gap(self) -> Array:
@@ -373,12 +363,6 @@ class ContactFields(InterfaceFields):
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
         return float(force[self.state.active].max(initial=0.0))
-
-    @property
-    def on_obstacle(self) -> ObstacleOperators:
-        """The operators of a pair with an obstacle."""
-        assert isinstance(self.operators, ObstacleOperators)
-        return self.operators
 
     def strength(self, pressure: float) -> tuple[Array, Array]:
         """Admissible contact tractions near a pressure p [stress], each (slave nodes,).
@@ -434,23 +418,32 @@ def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
     return f.per_weight * change_along(f, f.operators.gap_derivative(), on_slave, on_master)
 
 
-def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Slip of the nodes along their partners (local); see ``change_along``.
+def past_partners(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Motions of the nodes past their partners, (motions, nodes, dim) [length] (local).
 
-    In space the components along two tangents, shape (slave nodes, 2).
+    Args:
+        f: Fields of the pair.
+        on_slave: Displacements of the slave nodes, shape (motions, nodes, dim) [length].
+        on_master: Displacements of the master nodes, likewise.
     """
-    partners = f.state.partners
-    return f.along_tangents(partners.D @ on_slave - partners.M @ on_master)
+    partners, both = f.state.partners, zip(on_slave, on_master, strict=True)
+    return np.array([partners.D @ own - partners.M @ other for own, other in both])
+
+
+def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Slip of the nodes along their partners, (motions, nodes) [length] (local).
+
+    In space along two tangents, (motions, nodes, 2); arguments as of ``past_partners``.
+    """
+    return f.along_tangents(past_partners(f, on_slave, on_master))
 
 
 def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Opening along n, against which the pressure does work (local); see ``change_along``.
+    """Opening along n, against which the pressure does work, (motions, nodes) [length] (local).
 
     This differs from the rate of the gap where n is not normal to both sides, as at corners.
     """
-    partners = f.state.partners
-    relative = partners.D @ on_slave - partners.M @ on_master
-    return -np.asarray(np.einsum("ja,ja->j", f.operators.n, relative))
+    return -normal_parts(f.operators.n, past_partners(f, on_slave, on_master))
 
 
 # Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
@@ -481,8 +474,7 @@ class SpaceFields(ContactFields):
     """Fields of a contact in space; slip and z_tau are the components along e, see above."""
 
     counted_slip: Any = property(attrgetter("slip_vector"))
-    counted_shear: Any = property(attrgetter("shear"))
-    slip_in_space: Any = property(attrgetter("tangential_slip"))
+    surface_slip: Any = property(attrgetter("tangential_slip"))
 
     @field("partners")
     def slip_vector(self) -> Array:
@@ -570,8 +562,8 @@ class SpaceFields(ContactFields):
         return self.fixed_tangents, np.cross(self.operators.n, self.fixed_tangents)
 
     def along_tangents(self, vectors: Array) -> Array:
-        """Components of vectors (slave nodes, dim) along ``tangents`` [their unit]."""
-        return np.stack([normal_parts(tangent, vectors) for tangent in self.tangents], axis=1)
+        """Components of vectors (..., slave nodes, dim) along ``tangents`` [their unit]."""
+        return np.stack([normal_parts(tangent, vectors) for tangent in self.tangents], axis=-1)
 
     @field(*RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:
@@ -639,10 +631,6 @@ class SpaceFields(ContactFields):
             residual, by_gap, by_n, ((by_tau, e), (turn, t)),
             ((by_u, e), (turn * self.slip_weight, t)),
         )  # fmt: skip
-
-    def slip_derivative(self, along: Array) -> Iterator[Block]:
-        """Blocks of this rank of along_j . ds_j, for vectors ``along`` (slave nodes, 3)."""
-        return self.state.partners.derivative(self.operators, along)
 
     def _row(
         self,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
@@ -257,17 +257,21 @@ class Components:
         return np.broadcast_to(self._interface.acts[:, None], self._interface.z.shape)
 
     @property
+    def diagonal(self) -> Array:
+        """D_jj where a component acts, else the nodal area [length]."""
+        i = self._interface
+        of_nodes = np.where(i.acts, i.operators.diagonal, i.slave.nodal_areas)
+        return np.broadcast_to(of_nodes[:, None], i.z.shape)
+
+    @property
     def inverse(self) -> Array:
         """1 / D_jj where a component acts and its dof is free, else 0 [1 / length]."""
-        i = self._interface
-        return i.free / np.where(i.acts, i.operators.diagonal, np.inf)[:, None]
+        return np.where(self.acts, self.free / self.diagonal, 0.0)
 
     @property
     def scale(self) -> Array:
         """z_j / zeta_j, see ``la.system`` [stress / length]."""
-        i = self._interface
-        diagonal = np.where(i.acts, i.operators.diagonal, i.slave.nodal_areas)
-        return np.broadcast_to((i.stiffness / diagonal)[:, None], i.z.shape)
+        return self._interface.stiffness[:, None] / (self.diagonal * self.to_force)
 
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
@@ -497,14 +501,7 @@ class Interface(ABC):
 
         Only nonzero entries, to keep the system sparse. Without ``flux_blocks``.
         """
-        blocks, count = [], self.z.shape[1]
-        for dofs, j, values in self.force_entries():
-            dim = dofs.shape[1]
-            columns = (count * j[:, None] + np.arange(dim)).reshape(-1, 1)
-            blocks.append(
-                Block(dofs.reshape(-1, 1), columns, np.repeat(values, dim).reshape(-1, 1, 1))
-            )
-        return blocks
+        return blocks_of(self.force_entries(), np.arange(self.z.size).reshape(self.z.shape))
 
     def force_entries(self) -> Iterator[tuple[Indices, Indices, Array]]:
         """Dofs (p, dim), nodes of acting multipliers (p,), D and -M (p,) [length] of each side."""
@@ -512,6 +509,23 @@ class Interface(ABC):
             (self.slave, self.master), acting_entries(self.operators, self.acts), strict=True
         ):
             yield side.dofs[k], j, values
+
+
+def blocks_of(entries: Iterable[tuple[Indices, Indices, Array]], numbers: Indices) -> list[Block]:
+    """Blocks of forces by multipliers (local).
+
+    Args:
+        entries: Of each side dofs (p, c), nodes of the multipliers (p,) and values (p,) [length].
+        numbers: Columns of the components of each multiplier, shape (nodes, c).
+    """
+    return [
+        Block(
+            dofs.reshape(-1, 1),
+            numbers[j].reshape(-1, 1),
+            np.repeat(values, dofs.shape[1]).reshape(-1, 1, 1),
+        )
+        for dofs, j, values in entries
+    ]
 
 
 def acting_entries(o: MortarOperators, acts: Flags) -> Iterator[tuple[Indices, Indices, Array]]:
@@ -614,6 +628,7 @@ class OperatorEvaluation:
         """
         behind, x, m = self._positions_at(u)
         if not self.small:
+            self.behind = behind
             return self._integrate(x, m, state.multiplier_nodes, linearization, behind), None
         kept = state.reference
         if kept is not None and kept.operators is None:
@@ -631,8 +646,9 @@ class OperatorEvaluation:
         Args:
             multiplier_nodes: Whether a slave node carries a multiplier, (slave nodes,), bool.
         """
-        behind, X, X_master = self._positions_at(None)
-        operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], behind)
+        self.behind, X, m = self._positions_at(None)
+        frozen = LINEARIZATIONS["frozen"]
+        operators = self._integrate(X, m, multiplier_nodes, frozen, self.behind)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
 
@@ -662,14 +678,11 @@ class OperatorEvaluation:
             linearization: See ``evaluate``.
         """
         on_slave, on_master = (x[outline.indices_of(s.nodes)] for s in (self.slave, self.master))
-        behind, kept = None, self.behind
+        behind = None
         if self.sight is not None:
             behind = self.sight.behind(x[outline.indices_of(self.sight.outline.nodes)])
-        try:
-            nodes = state.multiplier_nodes
-            return self._integrate(on_slave, on_master, nodes, linearization, behind)
-        finally:
-            self.behind = kept
+        nodes = state.multiplier_nodes
+        return self._integrate(on_slave, on_master, nodes, linearization, behind)
 
     def intersections(self, o: MortarOperators) -> Any:
         """Intersections of this rank's slave facets with the master, for any integration (local).
@@ -702,7 +715,6 @@ class OperatorEvaluation:
         Without an obstacle a recent result for the same arguments, see ``evaluate``, or with the
         search of one for other multiplier nodes.
         """
-        self.behind = behind
         given = integrals.MortarInput(
             self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
             linearization, behind,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from fenics_mortar.contact.law_calls import Instant
 from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 # Attributes that follow from the others at the end of a solve; they are not written to files.
 # Instants are written by ``law_calls``.
 DERIVED = {"derived": True}
+# Time and memory before the first step, without a law.
+FIRST = Instant.of(0.0, 1.0, {})
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -53,8 +56,7 @@ class InterfaceState(Value):
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
         reference: Operators of the undeformed mesh, with small sliding.
         load_time: Time of the present loads, at the end of the step [time].
-        start_instant: ``Instant`` at the start of the step; the law reads its memory; ``None`` for
-            a tie.
+        start_instant: ``Instant`` at the start of the step; the law reads its memory.
         accepted_instant: ``Instant`` of the last accepted state, used in the next step.
         force_decided: Nodes with tensile multiplier and compressive force, shape (slave nodes,),
             bool, and the forces of all nodes, shape (slave nodes, 2) [stress length], for the next
@@ -76,8 +78,8 @@ class InterfaceState(Value):
     conduction: Any = 0.0
     reference: Any = dataclasses.field(default=None, metadata=DERIVED)
     load_time: float = dataclasses.field(default=0.0, metadata=DERIVED)
-    start_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
-    accepted_instant: Any = dataclasses.field(default=None, metadata=DERIVED)
+    start_instant: Instant = dataclasses.field(default=FIRST, metadata=DERIVED)
+    accepted_instant: Instant = dataclasses.field(default=FIRST, metadata=DERIVED)
     force_decided: tuple[Flags, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
     heading: tuple[Array, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
 
@@ -140,8 +142,8 @@ class Parts(NamedTuple):
 
 
 def normal_parts(n: Array, vectors: Array) -> Array:
-    """Parts of ``vectors`` (n, dim) along the normals, shape (n,) [their unit] (local)."""
-    return np.asarray(np.einsum("ja,ja->j", n, vectors))
+    """Parts of ``vectors`` (..., n, dim) along the normals, (..., n) [their unit] (local)."""
+    return np.asarray(np.einsum("ja,...ja->...j", n, vectors))
 
 
 def tangential(vectors: Array, n: Array) -> Array:
@@ -263,9 +265,14 @@ class InterfaceFields:
         return np.asarray(np.linalg.norm(self.shear, axis=1))
 
     @property
-    def slip_in_space(self) -> Array:
-        """Slip since the last accepted step as vectors, (slave nodes, dim) [length]."""
-        return np.zeros_like(self.z_u)
+    def surface_shear(self) -> Array:
+        """Shear along tau, (slave nodes,) [stress]; in space vectors, (slave nodes, 3)."""
+        return self.shear if self.operators.slave.dim == 3 else self.z_tau
+
+    @property
+    def surface_slip(self) -> Array:
+        """Slip since the last accepted step, as ``surface_shear`` [length]."""
+        return np.zeros_like(self.surface_shear)
 
     @property
     def total_force(self) -> Array:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -58,9 +58,9 @@ class Instant:
         memory: The law's numbers by name, shape (slave nodes,) each; read-only.
     """
 
-    time: float = 0.0
-    step: float = 1.0
-    memory: Mapping[str, Array] = field(default_factory=dict)
+    time: float
+    step: float
+    memory: Mapping[str, Array]
 
     @classmethod
     def of(cls, time: float, step: float, memory: Mapping[str, Array]) -> Instant:
@@ -120,7 +120,7 @@ def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
 
     Units are those of the law [time, its units]. Names and memory of a tie are empty.
     """
-    instant, count = contact.state.accepted_instant or Instant(), contact.slave.num_nodes
+    instant, count = contact.accepted_instant, contact.slave.num_nodes
     values = np.array(list(instant.memory.values()), float).reshape(-1, count)
     return list(instant.memory), np.array([instant.time, instant.step]), values
 
@@ -128,11 +128,8 @@ def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
 def restore_instant(contact: Any, clock: Array, values: Array) -> None:
     """Set (time, step) and memory (names, slave nodes) from a file, for the present law (local)."""
     time, step = map(float, clock)
-    instant = contact.state.accepted_instant
-    if instant is not None:
-        memory = dict(zip(instant.memory, values, strict=True))
-        contact.change(accepted_instant=Instant.of(time, step, memory))
-    contact.change(load_time=time)
+    memory = dict(zip(contact.accepted_instant.memory, values, strict=True))
+    contact.change(accepted_instant=Instant.of(time, step, memory), load_time=time)
 
 
 class Parameters:

@@ -109,7 +109,7 @@ class ContactRows:
             turned = np.einsum("ja,jaq->jq", row.by_normal[j], o.dn[j])
             blocks.append(Block(numbers, columns, -weight[j][:, :, None] * turned[:, None]))
             if row.by_slip.any():
-                of_slip = f.slip_derivative(row.by_slip)
+                of_slip = f.state.partners.derivative(o, row.by_slip)
                 blocks += [normal_rows(block, -weight) for block in of_slip]
         return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
@@ -198,7 +198,7 @@ def row_by_displacements(f: ContactFields, row: VectorRow) -> Iterator[Block]:
         for block in o.weight_derivative():
             yield scaled(block, -per_weight * f.mean_gap)
     if row.by_slip.any():
-        yield from f.slip_derivative(row.by_slip)
+        yield from f.state.partners.derivative(o, row.by_slip)
 
 
 def row_by_motions(f: ContactFields, row: VectorRow) -> Array:

@@ -18,9 +18,10 @@ measure         s_j           slip u_j without relative rotation
 ==============  ============  ======================================================================
 
 "operators" is the common measure (Gitterle, Popp, Gee & Wall 2010); its b_j vanishes at the
-accepted state. Both are objective. In closed contact they differ by the change of the tangential
-part of the weighted gap vectors, which is small: the shear of sticking blocks differs by 5e-6; the
-forces of sliding blocks and the numbers of iterations are equal.
+accepted state. In space it is the only one where D and M change. Both are objective. In closed
+contact they differ by the change of the tangential part of the weighted gap vectors, which is
+small: the shear of sticking blocks differs by 5e-6; the forces of sliding blocks and the numbers of
+iterations are equal.
 
 They differ more where a gap closes in the step. The motion before closure is not slip, but
 "operators" counts its component along the slave's tangent, and the tangents of two arcs rotate as
@@ -53,135 +54,92 @@ from __future__ import annotations
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
-
-from mpi4py import MPI
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, dia_array, eye, vstack
 
-from fenics_mortar.contact.arcs import (
-    Arc,
-    Led,
-    Orientation,
-    Rotations,
-    arc,
-    doubt_beside_known,
-    moved_by,
-    orientation,
-    quarter_turn,
-    rotated_by,
-    rotation_of_surfaces,
-    rotation_past_obstacle,
-    surface_rotation,
-)
-from fenics_mortar.interface.facing import Facing, face, nearest_on_master
+from fenics_mortar.contact import arcs
+from fenics_mortar.interface.facing import Facing, nearest_on_master
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
+from fenics_mortar.utils.arrays import ROUNDING, norms
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.pair import Measure
+    from mpi4py import MPI
+
+    from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.interface.space_mortar import SpaceOperators
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
-class Evaluated(NamedTuple):
-    """Orientation, rotations and slip at the positions of some operators, see ``arcs``.
+def entries_of(matrix: csr_array, comm: MPI.Comm | None = None) -> tuple[Indices, Indices, Array]:
+    """Rows, columns and values [of the matrix] of all entries, (k,) each (local).
 
-    The orientation is ``None`` on an obstacle, and if surfaces do not rotate.
+    Given a communicator, those of the share of this rank.
     """
-
-    orientation: Orientation | None
-    rotations: Rotations
-    arc: Arc
-
-
-class Entries(NamedTuple):
-    """Rows, columns and values of the entries of a matrix, shape (k,) each."""
-
-    rows: Indices
-    columns: Indices
-    values: Array
-
-    def share(self, comm: MPI.Comm) -> Entries:
-        """Those of this rank (local)."""
-        mine = share_of(np.arange(self.rows.size), comm)
-        return Entries(self.rows[mine], self.columns[mine], self.values[mine])
-
-
-def entries_of(matrix: csr_array) -> Entries:
-    """The entries of a sparse matrix (local)."""
     found = matrix.tocoo()
-    return Entries(found.row.astype(np.int64), found.col.astype(np.int64), found.data)
+    mine = np.arange(found.nnz)
+    mine = mine if comm is None else share_of(mine, comm)
+    return found.row[mine].astype(np.int64), found.col[mine].astype(np.int64), found.data[mine]
 
 
 def by_positions(
-    o: MortarOperators, entries: tuple[Entries, Entries], vectors: Array
+    o: MortarOperators, matrices: tuple[csr_array, csr_array], vectors: Array
 ) -> Iterator[Block]:
     """Blocks of vectors_j . (D dx - M dm)_j of this rank, for vectors (slave nodes, dim) (local).
 
-    ``entries``: those of D and M.
+    ``matrices``: D and M.
     """
-    for surface, each, sign in zip((o.slave, o.master), entries, (1.0, -1.0), strict=True):
-        j, k, weights = each.share(o.slave.comm)
+    for surface, matrix, sign in zip((o.slave, o.master), matrices, (1.0, -1.0), strict=True):
+        j, k, weights = entries_of(matrix, o.slave.comm)
         values = sign * weights[:, None] * vectors[j]
         yield Block(j[:, None], surface.dofs[k], values[:, None])
 
 
-class Pairing:
-    """What is found from an accepted state on, when it is first read (local).
+class Pairing(NamedTuple):
+    """Partners of the slave nodes.
 
-    Without friction it is hardly ever read.
-
-    Args:
-        build: Function that returns ``D``, ``M``, ``start`` and ``angle`` of ``AtStart``.
+    Attributes:
+        D: Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1].
+        M: Weights of master nodes, (slave nodes, master nodes), rows sum to one [1]; no columns for
+            an obstacle.
+        start: r_0 of ``arcs``: b_j, or vectors from the pivot, (slave nodes, dim) [length].
+        angle: ``Orientation.angle`` at that state, (slave nodes,) [radian]; zero on an obstacle and
+            in space.
     """
 
-    def __init__(self, build: Callable[[], tuple[csr_array, csr_array, Array, Array]]) -> None:
-        self._build = build
-        self._last: tuple[weakref.ref[MortarOperators], Any] | None = None
-        self._found: dict[str, Any] = {}
-
-    @cached_property
-    def built(self) -> tuple[csr_array, csr_array, Array, Array]:
-        """D [1], M [1], start [length] and angle [radian] from the function, called once."""
-        found = self._build()
-        del self._build
-        return found
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The matrices, for a pickle: the function may have none (local)."""
-        return {"built": self.built, "_last": None, "_found": {}}
-
-    def at(self, o: MortarOperators, find: Callable[[Any], Any]) -> Any:
-        """The result of the function for operators ``o``, called once for the same ones."""
-        if self._last is None or self._last[0]() is not o:
-            self._last = weakref.ref(o), find(o)
-        return self._last[1]
-
-    def once(self, name: str, find: Callable[[], Any]) -> Any:
-        """The result of the function for a name, called once."""
-        if name not in self._found:
-            self._found[name] = find()
-        return self._found[name]
+    D: csr_array
+    M: csr_array
+    start: Array
+    angle: Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtStart(ABC):
-    """An accepted state, from which slip is counted, equal on all ranks.
+class Partners(ABC):
+    """Partners of all slave nodes at an accepted state, from which slip is counted.
+
+    Equal on all ranks.
 
     Attributes:
-        pairing: ``D``, ``M``, ``start`` and ``angle``.
+        pairing: Function of the ``Pairing``, evaluated when it is first called: without friction it
+            is hardly ever, and takes a twentieth of the time of a step.
+        D, M, start, angle: See ``Pairing``.
         x, m: Positions of slave and master nodes, shapes (nodes, dim) [length].
         normals: Normals of contact at that state, shape (slave nodes, dim).
+        weight: Weights w_j at that state, zero without rows, (slave nodes,) [length], in space
+            [area].
         least: Diagonal entries of D above which contact closes the gap of a node, inf if a law acts
             at open gaps, shape (slave nodes,) [length], in space [area].
         present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length], in space
             [1 / area].
+        planes: ``Contact.across_planes`` at that state.
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, dim) [length].
         place: Place of the obstacle at that state, shape (m,) [length, radian].
         counted: Slip of the step that is counted at that state, shape (slave nodes,), in space
@@ -190,18 +148,20 @@ class AtStart(ABC):
             (slave nodes,), in space (slave nodes, 3) [stress].
         pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
         gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
-        facing: Gauss points of both sides that face each other, for pairs of two bodies with
-            friction; else ``None``.
+        facing: Gauss points of both sides that face each other, for pairs of two bodies in the
+            plane with friction; else ``None``.
         turns: ``Contact.turns`` at that state; empty if no rigid boundary leads a body.
         led: Nodes whose partners are those after motions that lead bodies, see ``arcs``.
     """
 
-    pairing: Pairing
+    pairing: Callable[[], Pairing]
     x: Array
     m: Array
     normals: Array
+    weight: Array
     least: Array
     present: Array
+    planes: Any
     feet: Array
     place: Array
     counted: Array
@@ -210,43 +170,38 @@ class AtStart(ABC):
     gap: Array
     facing: Facing | None = None
     turns: tuple[Array, ...] = ()
-    led: Led | None = None
+    led: arcs.Led | None = None
+    _found: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
-    def led_by(self, there: Self, led: Led) -> Self:
+    D = property(lambda self: self.pairing().D)
+    M = property(lambda self: self.pairing().M)
+    start = property(lambda self: self.pairing().start)
+    angle = property(lambda self: self.pairing().angle)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The attributes, for a pickle: without surfaces, which belong to a communicator."""
+        return {**vars(self), "pairing": partial(Pairing, *self.pairing()), "_found": {}}
+
+    def at(self, o: Any) -> Any:
+        """Rotations and slip since that state, without ``counted``: the result of ``_evaluate``.
+
+        Collective between surfaces at the first access to ``o.vectors``, local past an obstacle.
+        Evaluated once for the same operators.
+        """
+        of, found = self._found.get("at", (None, None))
+        if of is None or of() is not o:
+            found = self._evaluate(o)
+            self._found["at"] = weakref.ref(o), found
+        return found
+
+    def led_by(self, there: Self, led: arcs.Led) -> Self:
         """These partners, with those ``there``, found after the motions, at new nodes (local)."""
-
-        def build() -> tuple[csr_array, csr_array, Array, Array]:
-            D, M, start, angle = zip(self.pairing.built, there.pairing.built, strict=True)
-            at_new = led.origin(*start), led.origin(*angle)
-            return rows_of(led.new, *D), rows_of(led.new, *M), *at_new
-
         rows: dict[str, Any] = {
             name: led.origin(getattr(self, name), getattr(there, name)) for name in OF_PARTNERS
         }
-        return replace(self, pairing=Pairing(build), led=led, **rows)
-
-    @property
-    def D(self) -> csr_array:
-        """Weights of slave nodes, shape (slave nodes, slave nodes), rows sum to one [1]."""
-        return self.pairing.built[0]
-
-    @property
-    def M(self) -> csr_array:
-        """Weights of master nodes, (slave nodes, master nodes), rows sum to one [1].
-
-        No columns for an obstacle.
-        """
-        return self.pairing.built[1]
-
-    @property
-    def start(self) -> Array:
-        """r_0 of ``arcs``: b_j, or vectors from the pivot, (slave nodes, dim) [length]."""
-        return self.pairing.built[2]
-
-    @property
-    def entries(self) -> tuple[Entries, Entries]:
-        """Entries of D and M."""
-        return self.pairing.once("entries", lambda: (entries_of(self.D), entries_of(self.M)))
+        D, M = (rows_of(led.new, *both) for both in ((self.D, there.D), (self.M, there.M)))
+        pairing = partial(Pairing, D, M, rows.pop("start"), rows.pop("angle"))
+        return replace(self, pairing=pairing, led=led, **rows)
 
     def gap_vectors(self, o: Any) -> Array:
         """Vectors from partners to nodes at positions of ``o``, (slave nodes, dim) [length]."""
@@ -269,23 +224,16 @@ class AtStart(ABC):
 
         Args:
             o: Operators.
-            by_vector: Shape (slave nodes, dim) [1].
-            along: Directions of slip, shape (slave nodes, dim) [1].
+            by_vector: Shape (slave nodes, dim) [any unit].
+            along: Factors of the vectors of slip, shape (slave nodes, dim) [any unit].
         """
-        yield from by_positions(o, self.entries, by_vector)
+        yield from by_positions(o, (self.D, self.M), by_vector)
         if self.led is not None:  # along . (w x dx) = -(w x along) . dx
             own = o.slave.owned[self.led.new[o.slave.owned]]
-            values = -0.5 * moved_by(self.led.turn[own], along[own])
+            values = -0.5 * arcs.moved_by(self.led.turn[own], along[own])
             yield Block(own[:, None], o.slave.dofs[own], values[:, None])
         if self.present.any():
             yield from o.vector_derivative(-self.present[:, None] * by_vector)
-
-    def at(self, o: Any) -> Any:
-        """Rotations and slip since that state, without ``counted``: the result of ``_evaluate``.
-
-        Collective between surfaces at the first access to ``o.vectors``, local past an obstacle.
-        """
-        return self.pairing.at(o, self._evaluate)
 
     @abstractmethod
     def _evaluate(self, o: Any) -> Any:
@@ -293,63 +241,27 @@ class AtStart(ABC):
 
 
 # Attributes of partners that are those after motions at nodes of ``Led.new``.
-OF_PARTNERS = ("normals", "present", "feet")
+OF_PARTNERS = ("start", "angle", "normals", "present", "feet")
 
 
-def accepted(
-    o: Any, per_weight: Array, measure: Measure, least: Array, angle: Callable[[csr_array], Array]
-) -> dict[str, Any]:
-    """Fields of ``AtStart`` at the state of operators, which counts no slip (collective).
+class Evaluated(NamedTuple):
+    """Orientation, rotations and slip at the positions of some operators, see ``arcs``.
 
-    Args:
-        o: Operators of the accepted state.
-        per_weight: 1 / w_j of slave nodes with rows in D and M, else 0, shape (slave nodes,)
-            [1 / length], in space [1 / area].
-        measure: Measure of slip, see above.
-        least: See ``AtStart``.
-        angle: Function of ``M`` that returns ``angle``.
-    """
-    none, moves = np.zeros(len(o.x)), np.zeros_like(o.x)
-    given = {"x": o.x, "m": o.m, "normals": o.n, "least": least}
-    given |= {"shear": none, "pressure": none, "gap": none, "present": none}
-    given |= {"counted": none if o.slave.dim == 2 else moves, "feet": moves, "place": np.zeros(0)}
-    if isinstance(o, ObstacleOperators):
-        given |= {"feet": o.obstacle.to_own_frame(o.nearest_points())}
-        ends = csr_array(eye(len(o.x))), csr_array((len(o.x), 0)), o.x - centre_of(o.obstacle), none
-        return given | {"pairing": Pairing(lambda: ends), "place": o.obstacle.place.copy()}
-    if o.slave.comm.size > 1:
-        _ = o.matrices  # collective
-    present = per_weight if measure == "operators" else none
-
-    def build() -> tuple[csr_array, csr_array, Array, Array]:
-        D, M = weights_of_partners(o, per_weight)
-        return D, M, np.where(present[:, None] != 0.0, 0.0, D @ o.x - M @ o.m), angle(M)
-
-    return given | {"pairing": Pairing(build), "present": present}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Partners(AtStart):
-    """Partners of all slave nodes at an accepted state, equal on all ranks.
-
-    Attributes:
-        planes: Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2);
-            ``None`` if surfaces do not rotate, with small sliding.
-        weight: Weights w_j at that state, shape (slave nodes,) [length].
+    The orientation is ``None`` on an obstacle, and if surfaces do not rotate.
     """
 
-    planes: Array | None
-    weight: Array
+    orientation: arcs.Orientation | None
+    rotations: arcs.Rotations
+    arc: arcs.Arc
 
-    @property
-    def angle(self) -> Array:
-        """``Orientation.angle`` at that state, (slave nodes,) [radian]; zero on an obstacle."""
-        return self.pairing.built[3]
+
+class PlanePartners(Partners):
+    """Partners of slave nodes in the plane."""
 
     def doubt(self, o: MortarOperators, turns: tuple[Array, ...], active: Flags) -> Array:
-        """Difference between the rotations of ``arc`` and those that are known, (n,) [radian].
+        """Difference between the rotations of ``arcs`` and those that are known, (n,) [radian].
 
-        Local. ``Rotations.doubt`` where no rigid boundary tells by how much a body has turned.
+        As ``Rotations.doubt`` where no rigid boundary tells by how much a body has turned. Local.
 
         Args:
             o: Operators.
@@ -360,51 +272,45 @@ class Partners(AtStart):
         ends = zip(turns, self.turns, strict=True)
         known = [(now - then)[:, 0] for now, then in ends]
         if isinstance(o, ObstacleOperators):
-            doubt = self._from_start(o).doubt
+            doubt = self._past_obstacle(o, self).doubt
             if not turns:
                 return doubt
             relative = float(o.obstacle.place[2] - self.place[2]) - known[0]
             return np.where(np.isnan(known[0]), doubt, np.abs(theta - relative))
         if not turns:
-            return rotation_of_surfaces(theta, np.zeros_like(theta)).doubt
+            return arcs.rotation_of_surfaces(theta, np.zeros_like(theta)).doubt
         slave, master = map(np.nan_to_num, known)
         apart = np.abs(theta - (self.M @ master - slave))
-        return doubt_beside_known(np.abs(theta), apart, active & (self.pressure != 0.0))
+        return arcs.doubt_beside_known(np.abs(theta), apart, active & (self.pressure != 0.0))
 
     def relative_turn(self, o: MortarOperators) -> Array:
         """Rotation of the master relative to the slave since that state, (n,) [radian] (local)."""
         theta = self.at(o).rotations.theta
         return theta if self.led is None else theta - self.led.turn[:, 0]
 
-    def _from_start(self, o: ObstacleOperators) -> Rotations:
-        """Rotations past an obstacle since that state, led or not (local)."""
+    def _past_obstacle(self, o: ObstacleOperators, since: Self | arcs.Led) -> arcs.Rotations:
+        """Rotations past an obstacle since that state, or since the motions (local)."""
         body = np.zeros(len(o.x))
         if self.planes is not None:
-            body = surface_rotation(o.slave, self.x, o.x)
-        return rotation_past_obstacle(body, float(o.obstacle.place[2] - self.place[2]))
-
-    def _past_obstacle(self, o: ObstacleOperators) -> Rotations:
-        """Rotations of ``arc`` past an obstacle: at led nodes, those after the motions (local)."""
-        found = self._from_start(o)
-        if self.led is None:
-            return found
-        body = surface_rotation(o.slave, self.led.x, o.x)
-        after = rotation_past_obstacle(body, float(o.obstacle.place[2] - self.led.place[2]))
-        return Rotations(*map(self.led.origin, found, after))
+            body = arcs.surface_rotation(o.slave, since.x, o.x)
+        return arcs.rotation_past_obstacle(body, float(o.obstacle.place[2] - since.place[2]))
 
     def _evaluate(self, o: MortarOperators) -> Evaluated:
         if isinstance(o, ObstacleOperators):
-            now, turned = None, self._past_obstacle(o)
-            start = rotated_by(o.n, -turned.beta)
+            now, turned = None, self._past_obstacle(o, self)
+            if self.led is not None:
+                after = self._past_obstacle(o, self.led)
+                turned = arcs.Rotations(*map(self.led.origin, turned, after))
+            start = arcs.rotated_by(o.n, -turned.beta)
         else:
-            now = None if self.planes is None else orientation(o, self.M, self.planes)
-            turned = rotation_of_surfaces(self.angle if now is None else now.angle, self.angle)
-            start = self.normals
+            now = None if self.planes is None else arcs.orientation(o, self.M, self.planes)
+            angle = self.angle if now is None else now.angle
+            turned, start = arcs.rotation_of_surfaces(angle, self.angle), self.normals
         ends = (self.vectors(o), o.n), (self.start, start)
-        found = arc(*ends, turned.theta, turned.beta, self._closed(o))
+        found = arcs.arc(*ends, turned.theta, turned.beta, self._closed(o))
         if self.led is not None:  # tau . V
             way = self.led.way_at(o.x)
-            along, across = (np.einsum("jc,jc->j", v, way) for v in (quarter_turn(o.n), o.n))
+            along, across = (np.einsum("jc,jc->j", v, way) for v in (arcs.quarter_turn(o.n), o.n))
             found = found._replace(slip=found.slip + along, by_normal=found.by_normal - across)
         return Evaluated(now, turned, found)
 
@@ -421,22 +327,25 @@ class Partners(AtStart):
         """Vectors v_j so that d(tau_j) . v_j is the change of slip by dn_j, (n, 2) [length]."""
         return -_by_normal(o, self.at(o).arc)[:, None] * o.n
 
-    def derivative(self, o: MortarOperators) -> Iterator[Block]:
-        """Blocks of the slip's derivative of this rank: rows slave nodes, columns dofs [1].
+    def derivative(self, o: MortarOperators, along: Array) -> Iterator[Block]:
+        """Blocks of this rank of the derivative of the slip at constant mean gaps, times ``along``.
 
-        The other terms are ``o.tangential_derivative(self.rotated(o))``, due to the rotation of the
-        contact normals, and ``Arc.by_gap`` times the derivative of the mean gap.
+        Rows are slave nodes, columns displacement dofs; ``along`` has the shape of the slip [any].
+        The other term is ``Arc.by_gap`` times the derivative of the mean gap.
         """
-        now, _, found = self.at(o)
-        yield from self.by_vectors(o, found.by_vector, quarter_turn(o.n))
+        (now, _, found), factor, own = self.at(o), along[:, None], o.slave.owned
+        turned = o.tangential_derivative(factor * self.rotated(o))[own]
+        yield Block(own[:, None], o.normal_columns()[own], turned[:, None])
+        yield from self.by_vectors(o, factor * found.by_vector, factor * arcs.quarter_turn(o.n))
         if self.planes is None or not o.linearization.normals:
             return
         if isinstance(o, ObstacleOperators):
-            yield rotation_derivative(o, found.by_body)
-        elif now is not None:
-            yield from self.by_angle(o, now, found.by_angle)
+            normals = evaluate_normals(o.slave, o.x, "opposite")
+            yield rotation_derivative(o, normals, along * found.by_body)
+        else:
+            yield from self.by_angle(o, now, along * found.by_angle)
 
-    def by_angle(self, o: MortarOperators, at: Orientation, weights: Array) -> Iterator[Block]:
+    def by_angle(self, o: MortarOperators, at: arcs.Orientation, weights: Array) -> Iterator[Block]:
         """Blocks of weights_j times the derivative of ``Orientation.angle``, of this rank.
 
         Args:
@@ -444,8 +353,8 @@ class Partners(AtStart):
             at: The angle and its parts.
             weights: Shape (slave nodes,) [length].
         """
-        yield _of_normals(o, (at.slave, at.d_slave), -weights)
-        j, l, share = self.entries[1].share(o.slave.comm)
+        yield rotation_derivative(o, (at.slave, at.d_slave), -weights)
+        j, l, share = entries_of(self.M, o.slave.comm)
         along = share[:, None] * (weights[:, None] * at.by_partners)[j]
         values = np.einsum("bc,bcq->bq", along, at.d_master[l])
         yield Block(j[:, None], o.master.near_dofs[l, : values.shape[1]], values[:, None])
@@ -453,7 +362,7 @@ class Partners(AtStart):
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
         """Derivative of the slip by obstacle motions at constant gap, (slave nodes, 3) [1]."""
         found = self.at(o).arc
-        tau = quarter_turn(o.n)
+        tau = arcs.quarter_turn(o.n)
         turned = np.einsum("jam,ja->jm", o.dn_dq, tau) * _by_normal(o, found)[:, None]
         by_angle = found.by_rotation / o.arm
         return turned + np.column_stack([-found.by_vector, by_angle])
@@ -463,15 +372,110 @@ class Partners(AtStart):
 
         With rotations slip depends on the normals at the partners, and so on the nodes beside.
         """
-        return self.pairing.once("pairs", lambda: self._pairs(o.master))
-
-    def _pairs(self, master: Curve) -> tuple[Indices, Indices]:
-        j, l, _ = self.entries[1]
+        j, l, _ = entries_of(self.M)
         if self.planes is None:
             return j, l
+        master: Curve = o.master
         near = master.along(l, range(-master.degree, master.degree + 1))
         coupled = (j[:, None] * master.num_nodes + near)[near >= 0]
         return np.divmod(np.unique(coupled), master.num_nodes)
+
+
+class SpacePartners(Partners):
+    """Partners of slave nodes in space."""
+
+    def slip(self, o: Any) -> Array:
+        """Slip since that state, shape (slave nodes, 3) [length]; collective as ``at``."""
+        return self.at(o).slip + self.counted + (0.0 if self.led is None else self.led.way_at(o.x))
+
+    def materials(self, o: Any) -> list[arcs.Material]:
+        """Materials of the slave at its nodes, and of a master surface at the partners (local).
+
+        Without rotations if ``planes`` is ``None``.
+        """
+        if "materials" in self._found:
+            return self._found["materials"]
+        weights, starts = [csr_array(eye(len(self.x))), self.M], (self.x, self.m)
+        led, mirrored = self.led, self.planes
+        if mirrored is None:
+            weights = [csr_array(each.shape) for each in weights]
+            mirrored = [np.zeros(x.shape, bool) for x in starts]
+        after = (None, None) if led is None else ((led.new, led.x), (led.new, led.m))
+        sides = zip(weights, (o.slave, o.master), starts, mirrored, after, strict=True)
+        found = [arcs.Material(*side) for side in sides if side[1].num_nodes]
+        self._found["materials"] = found
+        return found
+
+    def _evaluate(self, o: Any) -> arcs.Screw | arcs.PastObstacle:
+        sides = zip(self.materials(o), (o.x, o.m), strict=False)
+        slave, *masters = (side.turned(x) for side, x in sides)
+        ends = self.vectors(o), self.start
+        if isinstance(o, ObstacleOperators):
+            return arcs.past_obstacle(*ends, slave, self.turns_past(o))
+        return arcs.screw(*ends, slave, *masters)
+
+    def derivative(self, o: Any, along: Array) -> Iterator[Block]:
+        """See ``PlanePartners``: blocks of along_j . ds_j, ``along`` (slave nodes, 3) [any]."""
+        found = self.at(o)
+        by_vector, *by_spins = found.weights(along)
+        yield from self.by_vectors(o, by_vector, along)
+        if self.planes is not None and o.linearization.normals:
+            sides = (found.slave,) if len(by_spins) == 1 else (found.slave, found.master)
+            turned = zip(self.materials(o), sides, by_spins, strict=True)
+            yield from (material.rows(at.by_products(spin)) for material, at, spin in turned)
+
+    def derivative_by_motions(self, o: ObstacleOperators) -> Array:
+        """See ``PlanePartners``, shape (slave nodes, 3, 6) [1]."""
+        found, spin = self.at(o), inverse_jacobians(self.turns_past(o))
+        return np.concatenate([-found.by_vector, found.by_relative @ spin / o.arm], axis=2)
+
+    def pairs(self, o: Any) -> tuple[Indices, Indices]:
+        """See ``PlanePartners``, each (k,)."""
+        turns = self.planes is not None and o.master.num_nodes
+        return self.materials(o)[1].pairs if turns else entries_of(self.M)[:2]
+
+    def doubt(self, o: Any, turns: tuple[Array, ...], active: Flags) -> Array:
+        """See ``PlanePartners``, (n,) [radian].
+
+        Collective at the first access to ``o.vectors``.
+        """
+        if isinstance(o, ObstacleOperators):
+            of_step = self.unled().at(o)
+            if not turns:
+                return of_step.doubt
+            known, _ = _turned(self.turns, turns)
+            return np.where(np.isnan(known[:, 0]), of_step.doubt, norms(of_step.of_slave - known))
+        found, led = self.at(o), self.led
+        L, _ = arcs.vectors_of(found.slave.Q.swapaxes(1, 2) @ found.master.Q)
+        if not turns:
+            return found.doubt if led is None else norms(L - led.turn)
+        doubt = norms(L - self._known(self.turns, turns))
+        if led is not None:
+            doubt = led.origin(doubt, norms(L - self._known(led.turns, turns)))
+        return arcs.doubt_beside_known(norms(L), doubt, active & (self.pressure != 0.0))
+
+    def _known(self, before: tuple[Array, ...], now: tuple[Array, ...]) -> Array:
+        """Turns of the partners past the nodes between two results of ``Contact.turns`` (local)."""
+        slave, master = (np.nan_to_num(turn) for turn in _turned(before, now))
+        return turns_between(slave, np.asarray(self.M @ master), own=True)
+
+    def unled(self) -> Self:
+        """These partners without motions that lead bodies; rotations are those of the step."""
+        return self if self.led is None else replace(self, led=None)
+
+    def rotation_of_slave(self, o: SpaceOperators) -> Array:
+        """Rotations of the slave's material since that state, led or not, (n, 3, 3) [1] (local)."""
+        return self.unled().materials(o)[0].turned(o.x).Q
+
+    def turns_past(self, o: ObstacleOperators) -> Array:
+        """``turn`` at each node, of led ones since the motions, (slave nodes, 3) [radian]."""
+        turn, led = np.tile(o.obstacle.turn_since(self.place), (len(self.x), 1)), self.led
+        return turn if led is None else led.origin(turn, o.obstacle.turn_since(led.place)[None])
+
+
+def _turned(before: tuple[Array, ...], now: tuple[Array, ...]) -> list[Array]:
+    """Known rotation vectors of both sides between two results of ``Contact.turns`` (local)."""
+    return [turns_between(*ends) for ends in zip(before, now, strict=True)]
 
 
 def rows_of(new: Flags, rows: csr_array, led: csr_array) -> csr_array:
@@ -480,7 +484,7 @@ def rows_of(new: Flags, rows: csr_array, led: csr_array) -> csr_array:
     return csr_array(vstack([rows, led], format="csr")[chosen])
 
 
-def _by_normal(o: MortarOperators, found: Arc) -> Array:
+def _by_normal(o: MortarOperators, found: arcs.Arc) -> Array:
     """Derivative of the slip with respect to a rotation of n, (slave nodes,) [length].
 
     On an obstacle n_0 is n turned back with the slave's material, since nodes may pass its surface.
@@ -489,18 +493,14 @@ def _by_normal(o: MortarOperators, found: Arc) -> Array:
     return found.by_normal + found.by_start_normal if on_obstacle else found.by_normal
 
 
-def rotation_derivative(o: MortarOperators, weights: Array) -> Block:
+def rotation_derivative(o: MortarOperators, normals: tuple[Array, Array], weights: Array) -> Block:
     """Weights (slave nodes,) times the derivative of the angle of the slave, owned nodes [weights].
 
-    The block has a row per node.
+    The block has a row per node. ``normals``: averaged normals and their derivatives, see
+    ``evaluate_normals``.
     """
-    return _of_normals(o, evaluate_normals(o.slave, o.x, "opposite"), weights)
-
-
-def _of_normals(o: MortarOperators, normals: tuple[Array, Array], weights: Array) -> Block:
-    """As ``rotation_derivative``, with the averaged normals and their derivatives."""
     (s, ds), own = normals, o.slave.owned
-    values = np.einsum("jc,jcq->jq", (weights[:, None] * quarter_turn(s))[own], ds[own])
+    values = np.einsum("jc,jcq->jq", (weights[:, None] * arcs.quarter_turn(s))[own], ds[own])
     return Block(own[:, None], o.slave.near_dofs[own, : ds.shape[2]], values[:, None])
 
 
@@ -509,35 +509,42 @@ def centre_of(obstacle: Obstacle) -> Array:
     return np.asarray(obstacle.pivot + obstacle.place[: obstacle.dim])
 
 
-def find_partners(
-    o: Any,
-    per_weight: Array,
-    measure: Measure,
-    *,
-    least: Array,
-    master_planes: Array | None,
-    between: bool,
-) -> Partners:
-    """Partners at the state of ``o`` (collective).
+def find_partners(f: ContactFields) -> PlanePartners | SpacePartners:
+    """Partners at the accepted state of some fields, which counts no slip (collective)."""
+    c, o, per_weight = f.interface, f.operators, f.per_weight
+    none, moves, planes = np.zeros(len(o.x)), np.zeros_like(o.x), c.across_planes
+    feet, place = moves, np.zeros(0)
+    present = per_weight if c.slip_measure == "operators" else none
 
-    Args:
-        o: Operators of the accepted state.
-        per_weight: See ``accepted``.
-        measure: Measure of slip.
-        least: See ``AtStart``.
-        master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2);
-            ``None`` if surfaces do not rotate.
-        between: Whether to find ``Partners.facing``.
-    """
+    kept = [o]  # until the pairing is known: operators are large
 
-    def angle(M: csr_array) -> Array:
-        return none if master_planes is None else orientation(o, M, master_planes).angle
+    @cache
+    def pairing() -> Pairing:
+        (at,) = kept
+        D, M = weights_of_partners(at, per_weight)
+        angle = none
+        if in_plane and planes is not None:
+            angle = arcs.orientation(at, M, planes).angle
+        kept.clear()
+        return Pairing(D, M, np.where(present[:, None] != 0.0, 0.0, D @ at.x - M @ at.m), angle)
 
-    none = np.zeros(len(o.x))
-    given = accepted(o, per_weight, measure, least, angle)
-    if between and not isinstance(o, ObstacleOperators):
-        given |= {"facing": face(o, o.segments)}
-    return Partners(planes=master_planes, weight=o.weight, **given)
+    in_plane = o.slave.dim == 2
+    found: Callable[[], Pairing] = pairing
+    if isinstance(o, ObstacleOperators):
+        feet, place = o.obstacle.to_own_frame(o.nearest_points()), o.obstacle.place.copy()
+        own, no_master = csr_array(eye(len(o.x))), csr_array((len(o.x), 0))
+        found = partial(Pairing, own, no_master, o.x - centre_of(o.obstacle), none)
+    elif not in_plane:
+        found = partial(Pairing, *pairing())
+    elif o.slave.comm.size > 1:
+        _ = o.matrices  # collective
+    kind = PlanePartners if in_plane else SpacePartners
+    return kind(
+        pairing=found, x=o.x, m=o.m, normals=o.n, weight=np.where(per_weight > 0.0, o.weight, 0.0),
+        least=f.nodal_areas * (np.inf if c.pair.law.bridges_gap else ROUNDING), present=present,
+        planes=planes, feet=feet, place=place, counted=none if in_plane else moves, shear=none,
+        pressure=none, gap=none,
+    )  # fmt: skip
 
 
 def weights_of_partners(o: MortarOperators, per_weight: Array) -> tuple[csr_array, csr_array]:

@@ -44,7 +44,7 @@ Pairs are bound here to the space of the displacement, and tied gaps are removed
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,21 +63,19 @@ from fenics_mortar.contact.interface import (
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.contact.tied_rows import (
     TiedComponents,
-    TiedCurves,
-    TiedFaces,
     TiedField,
     TiedFields,
+    TiedPart,
     TiedRows,
-    evaluate_reference,
-    rows_of,
+    tied_operators,
 )
 from fenics_mortar.interface.integrals import MortarOptions, evaluate_normals
-from fenics_mortar.interface.mortar import Block, Linearization
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.utils.arrays import HALF_FACET, LAST_DIGITS, ROUNDING, SAME_PLACE, SUM_ROUNDING
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.mortar import Block, Linearization
     from fenics_mortar.interface.outline import Outline
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -95,7 +93,9 @@ class Tie(Interface):
         M: Master matrix, rows of multiplier nodes only, (slave nodes, master nodes) [length].
         jump: D u_s - M (u_m + jump) at the last evaluated displacement, shape (slave nodes, dim)
             [length^2].
+        displacement: The displacement's part of the tie.
         fluxes: The tied fields.
+        parts: The displacement and these.
         open_ends: Slave nodes whose multiplier yielded to that of another pair, (slave nodes,).
     """
 
@@ -107,6 +107,7 @@ class Tie(Interface):
     _kind = TiedFields
 
     jump = read_only("now.jump")
+    D, M = read_only("displacement.D"), read_only("displacement.M")
     offset = settable("offset", _refuse_offset)
 
     def __init__(self, pair: TiedPair, space: DisplacementSpace, prescribed: Flags) -> None:
@@ -123,19 +124,18 @@ class Tie(Interface):
             self.basis, "opposite", "basis", choice.integration, points,
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = self.free.all(axis=1) & ~(self.slave.weightless | self.shared)
-        if self.at_vertices:
-            multiplier_nodes &= ~self.slave.inner
         dim = self.slave.dim
-        z = np.zeros((self.slave.num_nodes, dim + len(pair.fields)))
-        self.change(multiplier_nodes=multiplier_nodes, z=z)
+        self.change(z=np.zeros((self.slave.num_nodes, dim + len(pair.fields))))
+        sides = [(side, side.dofs) for side in (self.slave, self.master)]
+        every_node = np.arange(self.slave.num_nodes)
+        free, components = self.free.all(axis=1), np.arange(dim)
+        self.displacement = TiedPart(self, components, sides, every_node, free)
         self.all_fluxes = self.fluxes = [
             TiedField(field, c, self, space, prescribed) for c, field in enumerate(pair.fields, dim)
         ]
+        self.parts = [self.displacement, *self.fluxes]
         self.components = TiedComponents(self)
-        self._check_multiplier_nodes(~self.multiplier_nodes)
         self._integrate()
-        self._remove(self.operators.cover < MIN_SHARE * self.slave.full_cover)
 
     def _periodic(self, translation: Array) -> str:
         """Advice for sides of the same size, which may be those of a periodic cell (local)."""
@@ -159,65 +159,56 @@ class Tie(Interface):
             SurfaceError: On all ranks, if no multiplier is left.
         """
         self._yielded = self._yielded | nodes
-        self._remove(nodes)
-
-    def _remove(self, nodes: Flags) -> None:
         if (nodes & (self.multiplier_nodes | self.components.some_carry)).any():
-            self.change(multiplier_nodes=self.multiplier_nodes & ~nodes)
-            self._check_multiplier_nodes(nodes)
             self._integrate()
-
-    def _check_multiplier_nodes(self, dropped: Flags) -> None:
-        if not self.multiplier_nodes.any():
-            where = format_point(self.slave.X[np.flatnonzero(dropped)[0]])
-            raise SurfaceError(
-                f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
-                f"or belongs to another pair, for example the one at {where}; exchange slave and "
-                "master, or refine the slave"
-            )
-
-    @property
-    def _names(self) -> str:
-        return f"slave '{self.slave.name}' and master '{self.master.name}'"
 
     def _integrate(self) -> None:
         """Integrate D and M at the reference positions (collective).
 
         Raises:
-            SurfaceError: On all ranks, if no slave node has a partner.
+            SurfaceError: On all ranks, if no multiplier is left.
         """
-        o = evaluate_reference(self.slave, self.master, self.multiplier_nodes, self.options)
-        if not (o.cover > 0.0).any():
+        part = self.displacement
+        part.integrate(self._yielded)
+        if not part.active.any():
             raise SurfaceError(
-                f"{self._names} are farther apart than {self.options.radius:.3g} everywhere: "
-                f"increase search_radius{self._periodic(self.pair.translation)}"
+                f"slave '{self.slave.name}' and master '{self.master.name}' {self._why_untied()}"
             )
-        values = {field.name: getattr(o, field.name) for field in fields(o) if field.init}
-        for name in {"dD", "dM", "dgap", "gap"} & values.keys():
-            values[name] = np.zeros_like(values[name])
-        values["linearization"] = Linearization(False, False, frozen=True)
-        kind: Any = TiedCurves if self.slave.dim == 2 else TiedFaces
-        self.set_operators(kind(**values, weighted_jump=np.zeros(self.z.shape)))
-        self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
-        self.change(active=self.may_carry)
-        self.D, self.M = (rows_of(self.active, matrix) for matrix in o.matrices)
-        self._force_blocks = super().force_blocks()
+        self.set_operators(tied_operators(part.operators, np.zeros(self.z.shape)))
+        self.may_carry = part.active
+        self.change(active=part.active, multiplier_nodes=part.multiplier_nodes)
         for field in self.fluxes:
             field.integrate(self._yielded)
         self.components.read()
 
+    def _why_untied(self) -> str:
+        """Why no node has a multiplier of the displacement, in words (collective)."""
+        part = self.displacement
+        covered = part.evaluated(part.candidates).cover > 0.0
+        if part.candidates.any() and not covered.any():
+            return (
+                f"are farther apart than {self.options.radius:.3g} everywhere: "
+                f"increase search_radius{self._periodic(self.pair.translation)}"
+            )
+        named = covered & (~part.candidates | self._yielded)
+        why = "is prescribed or belongs to another pair"
+        if covered.any() and not named.any():
+            named, why = covered, f"faces it on less than {100.0 * MIN_SHARE:.0f} % of its facets"
+        return (
+            f"cannot be tied: every slave node that has a partner {why}, for example the one at "
+            f"{format_point(self.slave.X[np.argmax(named)])}; exchange slave and master, or refine "
+            "the slave"
+        )
+
     @property
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
-        masters, of_fields = np.unique(self.M.indices), (field.nodes for field in self.fluxes)
         own = self.slave.nodes[self.now.has_partner]
-        return np.concatenate([own, self.master.nodes[masters], *of_fields])
+        return np.concatenate([own, *(part.nodes for part in self.parts)])
 
     def masters_of(self, node: int) -> list[int]:
         """Global numbers of the master nodes that a slave node follows (local)."""
-        own = self.master.nodes[self.M.indices[self.M.indptr[node] : self.M.indptr[node + 1]]]
-        of_fields = (field.masters_of(node) for field in self.fluxes)
-        return np.concatenate([own, *of_fields]).tolist()
+        return np.concatenate([part.masters_of(node) for part in self.parts]).tolist()
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2).
@@ -235,17 +226,13 @@ class Tie(Interface):
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate jump, positions and normals at ``u``, shape (local dofs,) (collective)."""
-        on_slave, on_master = self.slave.gather(u), self.master.gather(u) + self.pair.present_jump()
-        x, m = self.slave.X + on_slave, self.master.X + on_master
+        values, jumps = [part.gather(u) for part in self.parts], np.zeros(self.z.shape)
+        values[0][1] += self.pair.present_jump()
+        for part, (on_slave, on_master) in zip(self.parts, values, strict=True):
+            jumps[np.ix_(part.at, part.components)] = part.D @ on_slave - part.M @ on_master
+        x, m = self.slave.X + values[0][0], self.master.X + values[0][1]
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
-        jumps = [self.D @ on_slave - self.M @ on_master]
-        for field in self.fluxes:
-            jumps.append(np.zeros((self.slave.num_nodes, 1)))
-            jumps[-1][field.at, 0] = field.weighted_jump(u)
-        weighted_jump = np.hstack(jumps) if self.fluxes else jumps[0]
-        self.set_operators(
-            replace(self.operators, x=x, m=m, n=n, dn=dn, weighted_jump=weighted_jump)
-        )
+        self.set_operators(replace(self.operators, x=x, m=m, n=n, dn=dn, weighted_jump=jumps))
 
     @property
     def partner_operators(self) -> Any:
@@ -297,7 +284,7 @@ class Tie(Interface):
 
     def force_blocks(self) -> list[Block]:
         """B^T, see ``Interface``; constant."""
-        return self._force_blocks
+        return self.displacement.blocks
 
     def limit_sight(self, outline: Outline) -> Outline:
         """Store the outlines of the bodies; tied facets do not limit the search."""

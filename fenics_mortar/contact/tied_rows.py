@@ -27,7 +27,7 @@ quadratic functions it would have two constraints for each dof.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -35,25 +35,24 @@ import numpy as np
 from scipy.sparse import csr_array, diags
 
 from fenics_mortar.contact.fluxes import NodalFlux
-from fenics_mortar.contact.interface import Components, acting_entries
+from fenics_mortar.contact.interface import Components, acting_entries, blocks_of
 from fenics_mortar.contact.interface_fields import InterfaceFields, field
 from fenics_mortar.contact.rows import Frame, Rows
 from fenics_mortar.interface.faces import surface_of_vertices
 from fenics_mortar.interface.integrals import MortarInput, PlaneOperators, evaluate_mortar
-from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.interface.mortar import Block, Linearization
 from fenics_mortar.interface.space_mortar import SpaceOperators, evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.interface.traces import Trace, trace_of
 from fenics_mortar.utils.errors import SurfaceError
 
 if TYPE_CHECKING:
-    from fenics_mortar.interface.integrals import MortarOptions
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 @dataclass(frozen=True, kw_only=True)
-class TiedCurves(PlaneOperators):
+class Jumps:
     """D and M of the reference configuration; positions and normals are the current ones.
 
     Attributes:
@@ -69,17 +68,23 @@ class TiedCurves(PlaneOperators):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TiedFaces(SpaceOperators):
-    """As ``TiedCurves``, in space."""
-
-    weighted_jump: Array
-
-    def gap_derivative(self) -> list[Block]:
-        """Empty: there is no weighted gap."""
-        return []
+class TiedCurves(Jumps, PlaneOperators):
+    """Operators of a tie in the plane."""
 
 
-TiedOperators = TiedCurves | TiedFaces
+@dataclass(frozen=True, kw_only=True)
+class TiedFaces(Jumps, SpaceOperators):
+    """Operators of a tie in space."""
+
+
+def tied_operators(o: Any, weighted_jump: Array) -> TiedCurves | TiedFaces:
+    """Operators at the reference positions with jumps, without gap and derivatives (local)."""
+    values = {field.name: getattr(o, field.name) for field in fields(o) if field.init}
+    for name in {"dD", "dM", "dgap", "gap"} & values.keys():
+        values[name] = np.zeros_like(values[name])
+    values["linearization"] = Linearization(False, False, frozen=True)
+    kind: Any = TiedCurves if o.slave.dim == 2 else TiedFaces
+    return kind(**values, weighted_jump=weighted_jump)
 
 
 class TiedFields(InterfaceFields):
@@ -89,7 +94,7 @@ class TiedFields(InterfaceFields):
         jump: D u_s - M u_m at the evaluated displacement, shape (slave nodes, dim) [length^2].
     """
 
-    operators: TiedOperators
+    operators: TiedCurves | TiedFaces
 
     @property
     def jumps(self) -> Array:
@@ -175,6 +180,7 @@ class TiedComponents(Components):
     dofs: Any = property(attrgetter("_dofs"))
     acts: Any = property(attrgetter("_acts"))
     free: Any = property(attrgetter("_free"))
+    diagonal: Any = property(attrgetter("_diagonal"))
 
     def __init__(self, tie: Any) -> None:
         super().__init__(tie)
@@ -183,38 +189,24 @@ class TiedComponents(Components):
     def read(self) -> None:
         """Read the operators of displacement and fields, after each integration (local)."""
         tie = self._interface
-        o, shape = tie.operators, tie.z.shape
-        areas, active, dim = tie.slave.nodal_areas, tie.active, tie.slave.dim
-        self._dofs, self._acts = np.empty(shape, np.int64), np.zeros(shape, bool)
-        self.diagonal, self.weight = np.empty(shape), np.full(shape, np.inf)
-        self._free = np.ones(shape)
-        self._dofs[:, :dim], self._dofs[:, dim:] = tie.slave.dofs, tie.slave.dofs[:, :1]
-        self._acts[:, :dim] = active[:, None]
-        self.diagonal[:] = areas[:, None]
-        self.diagonal[active, :dim] = o.diagonal[active, None]
-        self.weight[active, :dim] = o.weight[active, None]
-        for c, flux in enumerate(tie.fluxes, dim):
-            on, of_flux = flux.carriers, flux.operators
-            self._dofs[flux.at, c] = flux.traces[0].dofs[:, 0]
-            self._acts[on, c] = True
-            self.diagonal[on, c] = of_flux.diagonal[flux.active]
-            self.weight[on, c] = of_flux.weight[flux.active]
+        shape = tie.z.shape
+        self._dofs = np.tile(tie.slave.dofs[:, :1], shape[1])
+        self._acts, self._free = np.zeros(shape, bool), np.ones(shape)
+        self._diagonal = np.tile(tie.slave.nodal_areas[:, None], shape[1])
+        self.weight = np.full(shape, np.inf)
+        for part in tie.parts:
+            self._dofs[np.ix_(part.at, part.components)] = part.sides[0][1]
+            on, o = part.active, part.operators
+            acting = np.ix_(part.at[on], part.components)
+            self._acts[acting] = True
+            self._diagonal[acting] = o.diagonal[on, None]
+            self.weight[acting] = o.weight[on, None]
 
     def set_units(self, units: Array, to_force: Array, diagonal: Array) -> None:
         """Set the scales of all unknowns, see ``bulk.residual`` (collective)."""
         for c, flux in enumerate(self._interface.fluxes, self._interface.slave.dim):
             self.units[flux.at, c] = flux.traces[0].gather(units)
             self.to_force[flux.at, c] = flux.traces[0].gather(to_force)
-
-    @property
-    def inverse(self) -> Array:
-        """1 / D_jj where a component acts and its dof is free, else 0 [1 / length]."""
-        return np.where(self.acts, 1.0 / self.diagonal, 0.0)
-
-    @property
-    def scale(self) -> Array:
-        """z_j / zeta_j, see ``la.system`` [stress / length]."""
-        return self._interface.stiffness[:, None] / (self.diagonal * self.to_force)
 
     @property
     def row_weight(self) -> Array:
@@ -240,7 +232,92 @@ class TiedComponents(Components):
 NO_ROWS: Indices = np.empty((0, 1), np.int64)
 
 
-class TiedField:
+class TiedPart:
+    """Unknowns that a pair ties: the displacement or a scalar field, with D and M of their own.
+
+    Args:
+        tie: The tie, with its surfaces and options.
+        components: Numbers of the c components of the multipliers, shape (c,).
+        sides: Slave and master, of n and m nodes, with dofs (n, c) and (m, c); see ``gather``.
+        at: Numbers of the n nodes in the slave of the tie, shape (n,).
+        free: Nodes at which the unknowns are not prescribed, shape (n,), bool.
+
+    Attributes:
+        components, sides, at: See the arguments.
+        candidates: Nodes that may carry a multiplier, shape (n,), bool.
+        multiplier_nodes: Those of them that are covered and have not yielded to other pairs.
+        active: Whether a node carries a multiplier, shape (n,), bool.
+        D, M: Rows of active nodes, shapes (n, n) and (n, m) [length].
+        operators: D and M with the rows of all nodes.
+        blocks: Blocks of the loads by the multipliers; columns index z.ravel() of the tie.
+    """
+
+    def __init__(self, tie: Any, components: Indices, sides: Any, at: Indices, free: Flags) -> None:
+        self._tie, self.components, self.sides, self.at = tie, components, sides, at
+        slave, _ = sides[0]
+        self.candidates = free & ~(slave.weightless | tie.shared[at])
+        if tie.at_vertices:
+            self.candidates &= ~slave.inner
+
+    def integrate(self, dropped: Flags) -> None:
+        """Integrate D and M at the reference positions (collective).
+
+        Args:
+            dropped: Slave nodes of the tie that yielded to other pairs, (slave nodes,), bool.
+        """
+        nodes = self.candidates & ~dropped[self.at]
+        o = self.evaluated(nodes)
+        uncovered = o.cover < MIN_SHARE * self.sides[0][0].full_cover
+        if (nodes & uncovered).any():
+            nodes = nodes & ~uncovered
+            o = self.evaluated(nodes)
+        self.operators, self.multiplier_nodes = o, nodes
+        self.active = nodes & (o.diagonal > 0.0)
+        self.D, self.M = (rows_of(self.active, matrix) for matrix in o.matrices)
+        each = zip(self.sides, acting_entries(o, self.active), strict=True)
+        entries = [(dofs[k], j, values) for (_, dofs), (j, k, values) in each]
+        numbers = np.arange(self._tie.z.size).reshape(self._tie.z.shape)
+        self.blocks = blocks_of(entries, numbers[np.ix_(self.at, self.components)])
+
+    def evaluated(self, nodes: Flags) -> Any:
+        """Operators at the reference positions with these multiplier nodes (collective).
+
+        Those of the displacement if they are equal. There are no derivatives, and no normals of
+        symmetry planes.
+        """
+        (slave, _), (master, _) = self.sides
+        tie, exact = self._tie, Linearization(False, False)
+        of_all = tie.displacement
+        same = self is not of_all and slave is tie.slave
+        if same and np.array_equal(nodes, of_all.multiplier_nodes):
+            return of_all.operators
+        planes = np.full((slave.num_nodes, 2), np.nan)
+        if slave.dim == 3:
+            planes = np.tile(np.eye(3), (slave.num_nodes, 1, 1))
+        given = MortarInput(slave, master, slave.X, master.X, nodes, planes, tie.options, exact)
+        return evaluate_mortar(given) if slave.dim == 2 else evaluate_space(given)
+
+    @property
+    def nodes(self) -> Indices:
+        """Global numbers of the tied nodes of both sides, shape (k,) (local)."""
+        (slave, _), (master, _) = self.sides
+        covered = slave.nodes[self.operators.cover > 0.0]
+        return np.concatenate([covered, master.nodes[np.unique(self.M.indices)]])
+
+    def masters_of(self, node: int) -> Indices:
+        """Global numbers of the master nodes that a slave node of the tie follows (local)."""
+        return self.sides[1][0].nodes[self.M[np.flatnonzero(self.at == node)].indices]
+
+    def gather(self, u: Array) -> list[Array]:
+        """Values at the nodes of both sides, (n, c) and (m, c), of all unknowns (collective).
+
+        Args:
+            u: All unknowns, shape (local dofs,) [their units].
+        """
+        return [side.gather(u) for side, _ in self.sides]
+
+
+class TiedField(TiedPart):
     """A scalar field tied by a pair; to the linear system a flux, as ``fluxes.Flux``.
 
     Args:
@@ -251,119 +328,45 @@ class TiedField:
         prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
 
     Attributes:
-        field: Number of the field's sub-space.
+        field: Number of the sub-space of the field.
         traces: Traces of the field on slave and master; their surfaces have n and m nodes.
-        at: Numbers of the n nodes in the slave of the tie, shape (n,).
         dofs: All dofs of the traces, shape (d,), replicated.
-        active: Whether a node carries a multiplier of the field, shape (n,), bool.
-        D, M: Rows of active nodes, shapes (n, n) and (n, m) [length].
-        operators: D and M with the rows of all nodes.
 
     Raises:
         ValueError: On all ranks, if the space has no such field.
     """
 
-    active: Flags
-    operators: MortarOperators
-    D: csr_array
-    M: csr_array
-
     def __init__(
         self, field: int, component: int, tie: Any, space: DisplacementSpace, prescribed: Flags
     ) -> None:
-        self.field, self._component, self._tie = field, component, tie
-        sides = tie.slave, tie.master
+        self.field, self._component = field, component
+        sides, at = (tie.slave, tie.master), np.arange(tie.slave.num_nodes)
         self.traces: list[Trace] = [trace_of(space, field, side) for side in sides]
-        self.at: Indices = np.arange(tie.slave.num_nodes)
         if self.traces[0].dofs.shape[1] > 1:
-            (slave, self.at), (master, _) = map(surface_of_vertices, sides)
+            (slave, at), (master, _) = map(surface_of_vertices, sides)
             self.traces = [trace_of(space, field, side) for side in (slave, master)]
         self.dofs: Indices = np.unique(np.concatenate([t.dofs.ravel() for t in self.traces]))
-        self._candidates = self._possible(prescribed)
-        self._block: Block
-
-    @property
-    def slave(self) -> Any:
-        """The slave, with linear facets for a field of degree 1 (local)."""
-        return self.traces[0].surface
-
-    @property
-    def carriers(self) -> Indices:
-        """Slave nodes of the tie that carry a multiplier of the field, shape (k,) (local)."""
-        return self.at[self.active]
-
-    def _possible(self, prescribed: Flags) -> Flags:
-        """Nodes that may carry a multiplier (collective)."""
-        slave, tie = self.slave, self._tie
-        possible = self.traces[0].gather(prescribed.astype(float)) == 0.0
-        possible &= ~(slave.weightless | tie.shared[self.at])
-        return possible & ~slave.inner if tie.at_vertices else possible
-
-    # Set-up
+        on_sides = [(trace.surface, trace.dofs[:, :1]) for trace in self.traces]
+        free = self.traces[0].gather(prescribed.astype(float)) == 0.0
+        super().__init__(tie, np.array([component]), on_sides, at, free)
 
     def integrate(self, dropped: Flags) -> None:
-        """Integrate D and M at the reference positions (collective).
-
-        Args:
-            dropped: Slave nodes of the tie that yielded to other pairs, (slave nodes,), bool.
+        """See ``TiedPart`` (collective).
 
         Raises:
             SurfaceError: On all ranks, if no multiplier is left.
         """
-        nodes = self._candidates & ~dropped[self.at]
-        o = self._evaluated(nodes)
-        uncovered = o.cover < MIN_SHARE * self.slave.full_cover
-        if (nodes & uncovered).any():
-            nodes = nodes & ~uncovered
-            o = self._evaluated(nodes)
-        self.operators, self.active = o, nodes & (o.diagonal > 0.0)
+        super().integrate(dropped)
         if not self.active.any():
             raise SurfaceError(
                 f"fields={list(self._tie.pair.fields)} of {self._tie.pair!r}: field {self.field} "
                 "is prescribed at every slave node that has a partner; exchange slave and master, "
                 "or omit the field"
             )
-        self.D, self.M = (rows_of(self.active, matrix) for matrix in o.matrices)
-        self._block = self._load_block()
 
-    def _evaluated(self, nodes: Flags) -> Any:
-        """Operators with these multiplier nodes; those of the displacement if they are equal."""
-        tie = self._tie
-        if self.slave is tie.slave and np.array_equal(nodes, tie.multiplier_nodes):
-            return tie.operators
-        slave, master = (trace.surface for trace in self.traces)
-        return evaluate_reference(slave, master, nodes, tie.options)
-
-    def _load_block(self) -> Block:
-        """Loads by the fluxes; columns index z.ravel() of the tie."""
-        count = self._tie.z.shape[1]
-        parts = [
-            (trace.dofs[k, :1], count * self.at[j, None] + self._component, values)
-            for trace, (j, k, values) in zip(
-                self.traces, acting_entries(self.operators, self.active), strict=True
-            )
-        ]
-        rows, columns, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return Block(rows, columns, values[:, None, None])
-
-    @property
-    def nodes(self) -> Indices:
-        """Global numbers of the tied nodes of both sides, shape (k,) (local)."""
-        masters = self.traces[1].surface.nodes[np.unique(self.M.indices)]
-        return np.concatenate([self.slave.nodes[self.operators.cover > 0.0], masters])
-
-    def masters_of(self, node: int) -> Indices:
-        """Global numbers of the master nodes that a slave node of the tie follows (local)."""
-        j = np.flatnonzero(self.at == node)
-        masters = self.M[j].indices if j.size else np.empty(0, np.int64)
-        return self.traces[1].surface.nodes[masters]
-
-    # Values
-
-    def weighted_jump(self, u: Array) -> Array:
-        """D T_s - M T_m, shape (n,) [field length], of all unknowns ``u`` (collective)."""
-        on_slave, on_master = (trace.gather(u) for trace in self.traces)
-        return np.asarray(self.D @ on_slave - self.M @ on_master)
+    def gather(self, u: Array) -> list[Array]:
+        """See ``TiedPart`` [field]."""
+        return [trace.gather(u)[:, None] for trace in self.traces]
 
     @property
     def flux(self) -> Array:
@@ -381,7 +384,7 @@ class TiedField:
         """
         nodal = np.zeros((3, self._tie.slave.num_nodes))
         jump, flux, tied = nodal
-        on, weight = self.carriers, self.operators.weight[self.active]
+        on, weight = self.at[self.active], self.operators.weight[self.active]
         jump[on] = self._tie.now.jumps[on, self._component] / weight
         flux[on], tied[on] = self.flux[self.active], 1.0
         if self._tie.at_vertices or self.at.size < self._tie.slave.num_nodes:
@@ -405,25 +408,13 @@ class TiedField:
 
     def by_multipliers(self) -> Block:
         """Derivatives of the loads by multipliers; columns index z.ravel() (local)."""
-        return self._block
+        return Block(*map(np.concatenate, zip(*self.blocks, strict=True)))
 
     def pattern(self) -> Block:
         """Zeros at all entries of the constraint, in the rows of the slave's dofs (local)."""
-        rows = self._tie.components.dofs.ravel()[self._block.columns]
-        return Block(rows, self._block.rows, np.zeros_like(self._block.values))
-
-
-def evaluate_reference(slave: Any, master: Any, nodes: Flags, options: MortarOptions) -> Any:
-    """Operators at the reference positions with these multiplier nodes (collective).
-
-    There are no derivatives, and no normals of symmetry planes.
-    """
-    no_planes = np.full((slave.num_nodes, 2), np.nan)
-    if slave.dim == 3:
-        no_planes = np.tile(np.eye(3), (slave.num_nodes, 1, 1))
-    exact = Linearization(False, False)
-    given = MortarInput(slave, master, slave.X, master.X, nodes, no_planes, options, exact)
-    return evaluate_mortar(given) if slave.dim == 2 else evaluate_space(given)
+        by_z = self.by_multipliers()
+        rows = self._tie.components.dofs.ravel()[by_z.columns]
+        return Block(rows, by_z.rows, np.zeros_like(by_z.values))
 
 
 def rows_of(active: Flags, matrix: csr_array) -> csr_array:

@@ -129,6 +129,11 @@ class PairView:
         tractions: Multipliers z, minus the tractions on the slave, shape (slave nodes, dim)
             [stress].
         pressure: Contact pressure z_n, positive in compression, shape (slave nodes,) [stress].
+        shear: Multiplier z_tau along tau, shape (slave nodes,) [stress]; in space the tangential
+            part of the multiplier, a vector, (slave nodes, 3). It has the sign of the slip: the
+            shear traction on the slave is -z_tau.
+        slip: Slip of the slave relative to the master in the last step, since the accepted state
+            before the solve, along tau, shape (slave nodes,), in space (slave nodes, 3) [length].
         gap: Mean gap g_j / w_j, nan at nodes without partner, shape (slave nodes,) [length].
         active: Active set, the nodes whose gap is closed, shape (slave nodes,), bool.
         sticking: Active nodes that stick or are tied, shape (slave nodes,), bool.
@@ -156,6 +161,8 @@ class PairView:
     lengths: Array = copied("slave.nodal_lengths")
     tractions: Array = copied("z_u")
     pressure: Array = copied("pressure")
+    shear: Array = copied("now.surface_shear")
+    slip: Array = copied("now.surface_slip")
     gap: Array = copied("gap")
     active: Flags = copied("active")
     sticking: Flags = copied("sticking")
@@ -186,25 +193,6 @@ class PairView:
         Those of the slave if its surface may touch itself.
         """
         return side_of(self._interface.master, self._space)
-
-    @property
-    def shear(self) -> Array:
-        """Multiplier z_tau along tau, shape (slave nodes,) [stress]; in space (slave nodes, 3).
-
-        It has the sign of the slip: the shear traction on the slave is -z_tau. In space it is the
-        tangential part of the multiplier, a vector.
-        """
-        now = self._interface.now
-        return np.array(now.shear if self._interface.slave.dim == 3 else now.z_tau)
-
-    @property
-    def slip(self) -> Array:
-        """Slip of the last step along tau, (slave nodes,) [length]; in space (slave nodes, 3).
-
-        Slip of the slave relative to the master since the accepted state before the last solve.
-        """
-        now = self._interface.now
-        return np.array(now.slip_in_space if self._interface.slave.dim == 3 else now.slip)
 
     @property
     def status(self) -> npt.NDArray[np.str_]:
@@ -248,8 +236,7 @@ class PairView:
     @property
     def memory(self) -> dict[str, Array]:
         """Memory of the law at the last accepted state by name, (slave nodes,) each [its units]."""
-        instant = self._interface.accepted_instant
-        return {} if instant is None else {n: v.copy() for n, v in instant.memory.items()}
+        return {n: v.copy() for n, v in self._interface.accepted_instant.memory.items()}
 
     @property
     def c_n(self) -> float:

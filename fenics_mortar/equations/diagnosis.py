@@ -10,7 +10,7 @@ Bodies and driven obstacles that do not come to rest get anchored springs, see `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_rows import rows_of
 from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.equations.arguments import EQUATIONS
+from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.newton.loop import UNSETTLED, decreased
 from fenics_mortar.rigid.body_motions import pairs_joined
 from fenics_mortar.rigid.proximal import RIGID, Remaining
@@ -40,7 +41,6 @@ from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.rigid.driven import DrivenMotions
     from fenics_mortar.rigid.floating import FloatingBodies
     from fenics_mortar.rigid.proximal import Carried
     from fenics_mortar.utils.arrays import Array, Indices
@@ -148,9 +148,9 @@ class Remedies:
         ) + "; that of the linearized problem is used" * taken
 
 
-def _reason(carried: Iterable[Carried]) -> str:
+def _reason(held: Sequence[Carried]) -> str:
     """Why springs carry forces."""
-    sliding = [each.name for each in carried if each.slides and each.fraction > RIGID.slight]
+    sliding = [each.name for each in held if each.slides]
     if sliding:
         return (
             f"all nodes with friction of {', '.join(sliding)} slide at their friction limit, which "
@@ -171,9 +171,8 @@ class CombinedSprings:
     """
 
     def __init__(self, equations: Any) -> None:
-        self._floating: FloatingBodies = equations.floating
-        self._obstacles: DrivenMotions = equations.motions
-        self._residual, self._stiffness = equations.residual, equations.stiffest
+        self._equations = equations
+        self._holders = equations.floating, equations.motions
 
     def anchor(self, elongation: float, share: float = 1.0) -> None:
         """Anchor floating bodies and driven obstacles at their present positions.
@@ -181,37 +180,28 @@ class CombinedSprings:
         The forces that drive a body now, or a ``share`` of the error of its contact forces, would
         elongate its springs by ``elongation`` shortest facets.
         """
-        bulk, contact, _ = self._residual.forces()
-        self._floating.anchor(bulk + contact - self._obstacles.pushed_nodes(), elongation, share)
-        self._obstacles.anchor(elongation, self._stiffness, share)
+        bodies, obstacles = self._holders
+        bulk, contact, _ = self._equations.residual.forces()
+        bodies.anchor(bulk + contact - obstacles.pushed_nodes(), elongation, share)
+        obstacles.anchor(elongation, self._equations.stiffest, share)
 
     def remove_springs(self) -> None:
         """Remove the springs."""
-        self._floating.springs = self._obstacles.springs = None
+        for holder in self._holders:
+            holder.springs = None
 
     def max_motion(self) -> float:
         """Largest rigid motion since ``anchor`` [shortest facets]."""
-        return max(self._floating.max_motion(), self._obstacles.max_motion())
+        return max(holder.max_motion() for holder in self._holders)
 
     def remaining(self) -> Remaining:
         """Forces of the springs over contact forces."""
-        carried = self._floating.carried_by_springs() + self._obstacles.carried_by_springs()
-        energy = self._floating.spring_energy() + self._obstacles.spring_energy()
-        messages = [
-            (
-                f"springs carry {fraction:.1e} of the contact force on {name}"
-                if np.isfinite(fraction)
-                else f"springs carry all forces on {name}, which no contact force acts on"
-            )
-            + f", without which it would {how}" * (how != "")
-            for name, fraction, _, how in carried
-            if fraction > RIGID.slight
-        ]
-        forces = f"{', '.join(messages)}, with an energy of {energy:.3e}"
+        carried = [each for holder in self._holders for each in holder.carried_by_springs()]
+        held = [each for each in carried if each.fraction > RIGID.slight]
         return Remaining(
             max((each.fraction for each in carried), default=0.0),
             max((each.fraction for each in carried if each.slides), default=0.0),
-            f"{forces}: {_reason(carried)}" if messages else "",
+            f"{', '.join(map(str, held))}: {_reason(held)}" if held else "",
         )
 
 
@@ -359,7 +349,7 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
         driven = equations.motions.describe(equations.residual.force)
         first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
         first = first or _describe_limits(contacts) or _describe_twice(contacts)
-        first = first or _describe_wavering(contacts, recent)
+        first = first or _describe_slivers(contacts) or _describe_wavering(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
     few = bulk.describe_few_points()
     return "; ".join(filter(None, (first, at_nodes, few, *map(describe_overlap, contacts))))
@@ -402,11 +392,30 @@ def _describe_twice(contacts: Sequence[Interface]) -> str:
     return ""
 
 
+def _describe_slivers(contacts: Sequence[Interface]) -> str:
+    """Describe pairs that touch on hardly covered facets alone; "" if there are none (local)."""
+    for contact in contacts:
+        if not isinstance(contact, Contact) or contact.obstacle is not None:
+            continue
+        cover = contact.operators.cover / contact.slave.full_cover
+        if contact.active.any() and (cover[contact.active] < MIN_SHARE).all():
+            where = contact.operators.x[np.flatnonzero(contact.active)[0]]
+            return (
+                f"{contact.active.sum()} nodes of '{contact.slave.name}' touch on less than "
+                f"{MIN_SHARE:.0%} of their facets, one at {format_point(where)}, as where corners "
+                "or edges with parallel sides stand on each other: this part vanishes as the gap "
+                "closes, and no pressure on it may balance the loads; move one side along, round "
+                "its edge, or refine both sides there"
+            )
+    return ""
+
+
 def _describe_wavering(contacts: Sequence[Interface], recent: Sequence[SetsOfPairs]) -> str:
     """Describe nodes that open and close, and why; "" if none (local)."""
     for i, contact in enumerate(contacts):
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+        wavers = wavers[np.lexsort(contact.slave.X[wavers].T)]  # numbers depend on the ranks
         if not isinstance(contact, Contact) or not wavers.size:
             continue
         nodes, count = f"{wavers.size} nodes of '{contact.slave.name}'", len(active)

@@ -433,6 +433,11 @@ class ContactEquations:
                     "the state is one of a motion, and this problem is one of statics: set up the "
                     "same Dynamics of it before restore"
                 )
+            if state.rates is None and self.bulk.inertia is not None:
+                raise MortarError(
+                    "the state is one at rest, and this problem has a Dynamics: restore it before "
+                    "Dynamics(...) of a new problem, which starts at rest from it"
+                )
         self.put(state)
         self.residual.begin()
         self.evaluate_operators()

@@ -20,9 +20,9 @@ import numpy as np
 
 from fenics_mortar.bulk.checks import (
     check_axis_values,
+    check_radius,
     have_common_facet,
     radial_dofs_on_axis,
-    remark_on_radius,
     remark_on_thickness,
 )
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
@@ -144,7 +144,7 @@ class Inputs:
         self._remember()
         self._conflicts = Conflicts(bulk)
         self._begins, self._on_axis = True, radial_dofs_on_axis(bulk.space)
-        self._first = [remark_on_radius(bulk.residual, bulk.u, bulk.space)]
+        self._first = [check_radius(bulk.residual, bulk.u, bulk.space)]
         self._first += [*remarks_on_ties(contacts, bulk.space), *remarks_on_friction(contacts)]
 
     def check(self, newton: Any, **flags: Any) -> list[str]:

@@ -87,15 +87,13 @@ def displacements(bulk: Bulk, floating: FloatingBodies, forces: Array) -> Array:
     springs = np.zeros(bulk.num_owned)
     motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
     for body in floating.bodies:
-        mine = floating.labels[: bulk.space.num_nodes] == body.label
-        dofs = bulk.space.owned_dofs[mine]
+        dofs, rates = floating.motions(body)
         each = EQUATIONS.spring * body.stiffest / body.num_nodes
         weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
         springs[dofs] = each
-        rigid = np.zeros((len(body.motions), bulk.num_owned))
-        rigid[:, dofs.ravel()] = floating.motions(body)[1]
-        lower = np.linalg.cholesky(bulk.comm.allreduce(rigid @ rigid.T))
-        motions.append(np.linalg.solve(lower, rigid))
+        rigid = np.zeros((len(rates), bulk.num_owned))
+        rigid[:, dofs.ravel()] = rates
+        motions.append(np.linalg.solve(floating.factor(body, rigid), rigid))
         added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
     bulk.add_to_diagonal(springs)
     factors = factored_bulk(bulk, PREFIX).getFactorMatrix()

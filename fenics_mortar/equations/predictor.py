@@ -546,8 +546,10 @@ Loads = tuple[list[Array], list[str]]
 
 def loads_of(e: ContactEquations) -> Loads:
     """The present loads, in a fixed order (local)."""
-    values = [*e.bulk.input_data.loads(), *e.motions.loads]
-    values += [load.motion.load.copy() for load in e.motions.spread]
+    motions = e.motions
+    of_movers = np.where(motions.found, motions.push(), motions.places)
+    values = [*e.bulk.input_data.loads(), *of_movers]
+    values += [load.motion.load.copy() for load in motions.spread]
     values += [np.array(contact.offset, float).ravel() for contact in e.contacts]
     ties = [contact.pair for contact in e.contacts if isinstance(contact, Tie)]
     values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]

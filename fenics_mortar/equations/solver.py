@@ -206,7 +206,6 @@ class Solver:
                 if not e.idle.were_aside or e.newton.tentative:
                     raise
                 failed = error
-            e.idle.end()
             e.springs.remove_springs()
             e.restore(start)
         return report, moved

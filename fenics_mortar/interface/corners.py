@@ -15,11 +15,11 @@ the master, dented below it, may face one facet or the other in turn, and neithe
 equilibrium. The choice among the three normals depends on the present positions only and is
 piecewise constant; derivatives are those of the chosen normal.
 
-At sharp edges in space the same holds. The facets at a node of a sharp edge are divided into sides,
-within which the surface is smooth. The normal is the average over the side that faces the nearest
-part of the master, or over all facets if the master is oblique to all sides, as below a wedge.
-Facets of the other sides have no partner, unless another node of theirs on a sharp edge takes their
-normal.
+At sharp edges in space the same holds. The facets at a node are divided into sides, within which
+the surface is smooth; at a corner in the plane they are the facets before and after it. The normal
+is the average over the side that faces the nearest part of the master, or over all facets if the
+master is oblique to all sides, as below a wedge. Facets of the other sides have no partner, unless
+another sharp node of theirs takes their normal.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.kernels.space.normals import edge_coefficients
 from fenics_mortar.kernels.space.shapes import triangles_of
-from fenics_mortar.kernels.space.triangles import facing_normals
+from fenics_mortar.kernels.space.triangles import NO_ROLES, facing_normals
 from fenics_mortar.kernels.tree import build_tree, spatial_order
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING
 
 if TYPE_CHECKING:
-    from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.
@@ -47,114 +47,8 @@ BLUNT = TURN * 2.0 / 3.0
 # Master facets are equally near to a corner if their distances differ by less than this fraction of
 # the shorter facet at the corner [1]; their mean normal is used.
 EQUALLY_NEAR = 0.1
-
-
-def links_at_corners(
-    surface: Curve, x: Array, master: Curve, m: Array
-) -> tuple[tuple[Indices, Indices], Flags]:
-    """Links along a slave, cut at corners that take the normal of one facet (local).
-
-    Args:
-        surface: The slave.
-        x: Positions of its nodes, shape (slave nodes, 2) [length].
-        master: The master, with the body on the left of its facets.
-        m: Positions of its nodes, shape (master nodes, 2) [length].
-
-    Returns:
-        Nodes before and after each one, (slave nodes,) each, and marks of the facets round a
-        corner, which have no partner, (facets,), bool.
-    """
-    if surface.turns.max(initial=0.0) <= TURN:
-        return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
-    corners = corners_of(surface)
-    roles = surface.roles
-    candidates = None if roles is None else roles.masters_of_nodes(surface.facets, corners)
-    ends = m[master.facets[:, [0, -1]]]
-    facets = choose_facets(surface, corners, x, ends, candidates)
-    return one_sided(surface, corners, facets)
-
-
-def corners_of(surface: Curve) -> Indices:
-    """Nodes at which the outline of a body turns left by more than ``TURN``, shape (k,) (local)."""
-    return np.flatnonzero(surface.turns > TURN)
-
-
-def choose_facets(
-    surface: Curve, corners: Indices, x: Array, master: Array, candidates: Flags | None = None
-) -> Indices:
-    """Facet whose normal is used at each corner: -1 before it, 1 after it, 0 both (local).
-
-    Args:
-        surface: The slave.
-        corners: Nodes, shape (k,).
-        x: Positions of the slave's nodes, shape (slave nodes, 2) [length].
-        master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
-        candidates: Facets that may be masters at each corner, shape (k, m), bool; by default all.
-
-    Returns:
-        Shape (k,).
-    """
-    before, after = surface.chords(x, corners)
-    tangents = np.stack([_unit(before), _unit(_unit(before) + _unit(after)), _unit(after)])
-    normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1)
-    radius = EQUALLY_NEAR * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
-    towards = np.array([
-        _facing(x[j], n, radius[k], master if candidates is None else master[candidates[k]])
-        for k, (j, n) in enumerate(zip(corners, normals[1], strict=True))
-    ])  # fmt: skip
-    return _nearest(normals, 1, towards) - 1
-
-
-def _facing(point: Array, n: Array, radius: float, master: Array) -> Array:
-    """Reversed normal of the master's facets nearest to a corner that face ``n``, shape (2,).
-
-    ``n`` if no facet does.
-    """
-    chord = master[:, 1] - master[:, 0]
-    square = (chord**2).sum(axis=1)
-    reversed_normals = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / np.sqrt(square)[:, None]
-    faces = reversed_normals @ n > 0.0
-    if not faces.any():
-        return n
-    arm = point - master[:, 0]
-    s = np.clip((arm * chord).sum(axis=1) / square, 0.0, 1.0)
-    away = np.where(faces, np.hypot(*(arm - s[:, None] * chord).T), np.inf)
-    near = away <= away.min() + radius
-    return _unit(reversed_normals[near].sum(axis=0))
-
-
-def one_sided(
-    surface: Curve, corners: Indices, facets: Indices
-) -> tuple[tuple[Indices, Indices], Flags]:
-    """Links along the curve, cut at corners, and facets that have no partner (local).
-
-    Args:
-        surface: The slave.
-        corners: Nodes, shape (k,).
-        facets: The result of ``choose_facets``, shape (k,).
-
-    Returns:
-        Nodes before and after each one, (slave nodes,), and marks (facets,), bool. A facet between
-        two corners keeps its partner if its normal is used at one of them.
-    """
-    previous, following = surface.previous.copy(), surface.following.copy()
-    previous[corners[facets > 0]] = -1
-    following[corners[facets < 0]] = -1
-    first, last = surface.facets[:, 0], surface.facets[:, -1]
-    taken = np.isin(first, corners[facets > 0]) | np.isin(last, corners[facets < 0])
-    left = np.isin(first, corners[facets < 0]) | np.isin(last, corners[facets > 0])
-    return (previous, following), left & ~taken
-
-
-def _nearest(normals: Array, middle: int, towards: Array) -> Indices:
-    """Which of the ``normals`` (s, k, dim) is nearest to ``towards`` (k, dim), shape (k,) (local).
-
-    The average, that of the number ``middle``, where the nearest is within half of ``BLUNT`` of it.
-    """
-    nearest = np.argmax(np.einsum("skc,kc->sk", normals, towards), axis=0)
-    chosen = normals[nearest, np.arange(nearest.size)]
-    is_blunt = np.einsum("kc,kc->k", chosen, normals[middle]) > np.cos(0.5 * BLUNT)
-    return np.where(is_blunt, middle, nearest)
+# Distances of corners from facets that are found at once [1], which take 60 MB.
+DISTANCES_AT_ONCE = 1_000_000
 
 
 def _unit(vectors: Array) -> Array:
@@ -163,101 +57,168 @@ def _unit(vectors: Array) -> Array:
     return vectors / np.where(size > 0.0, size, 1.0)
 
 
-Around = tuple[Indices, Indices, Indices]
-
-
 class SharpEdges:
-    """Nodes of a surface on edges that turn by more than ``TURN`` away from the body, and sides.
+    """Nodes at which a surface turns by more than ``TURN`` away from the body, and their sides.
 
     Args:
-        surface: The surface, ``Faces``.
+        surface: The surface.
 
     Attributes:
-        nodes: The nodes, shape (k,).
-        sides: Side of each facet at each node in the order of ``Faces.around``, numbers from 0 on
-            at each of the nodes, -1 at other nodes, shape (e,).
+        nodes: The nodes, shape (k,): corners in the plane, those on edges in space.
+        sides: Side of each facet at each node in the order of ``Surface.around``, numbers from 0 on
+            at each of the nodes, in the plane before and after it, -1 at other nodes, shape (e,).
     """
 
     def __init__(self, surface: Any) -> None:
         self._surface = surface
-        self._edges = np.array(edge_coefficients(surface.facets.shape[1]))
-        starts, facet, _ = surface.around
-        n, p, q = self._at_nodes(surface.X)
-        owner = np.repeat(np.arange(surface.num_nodes), np.diff(starts))
+        starts, self._facet, self._place = surface.around
+        self._owner = np.repeat(np.arange(surface.num_nodes), np.diff(starts))
+        self.sides = self._of_faces() if surface.dim == 3 else self._of_curve()
+        self._entries = np.flatnonzero(self.sides >= 0)
+        self.nodes, self._at = np.unique(self._owner[self._entries], return_inverse=True)
+
+    def _of_curve(self) -> Indices:
+        """``sides`` of a curve: it turns to the left."""
+        is_sharp = self._surface.turns[self._owner] > TURN
+        return np.where(is_sharp, np.where(self._place == 0, 1, 0), -1)
+
+    def _of_faces(self) -> Indices:
+        """``sides`` of faces: connected facets that turn by less than ``TURN``.
+
+        Where they turn away from the body, each of two facets is below the other one's plane. How
+        far does not matter: little for thin wedges, whose sides are nearly parallel.
+        """
+        surface, starts = self._surface, self._surface.around[0]
+        n, (p, q) = self._normals(surface.X, np.arange(self._facet.size))
         mean = np.zeros((surface.num_nodes, 3))
-        np.add.at(mean, owner, n)
-        turned = np.einsum("ec,ec->e", n, _unit(mean)[owner]) < np.cos(0.5 * TURN)
-        self.sides, nodes = np.full(facet.size, -1), []
-        for j in np.unique(owner[turned]):
+        np.add.at(mean, self._owner, n)
+        turned = np.einsum("ec,ec->e", n, _unit(mean)[self._owner]) < np.cos(0.5 * TURN)
+        sides = np.full(self._facet.size, -1)
+        for j in np.unique(self._owner[turned]):
             here = slice(starts[j], starts[j + 1])
             cosines = n[here] @ n[here].T
             if cosines.min(initial=1.0) >= np.cos(TURN):
                 continue
             into = _unit(_unit(p[here]) + _unit(q[here]))
-            away = into @ n[here].T  # of the facet in the row, over the facet in the column
+            below = into @ n[here].T < -ROUNDING  # facet in the row, plane of that in the column
             labels = connected_components(cosines >= np.cos(TURN), directed=False)[1]
-            if labels.max() and (away[labels[:, None] != labels] < -np.sin(0.5 * TURN)).any():
-                self.sides[here] = labels
-                nodes.append(j)
-        self.nodes = np.array(nodes, np.int64)
+            if (below & below.T)[labels[:, None] != labels].any():
+                sides[here] = labels
+        return sides
 
-    def choose(self, x: Array, master: Any, m: Array, largest: float) -> tuple[Around, Flags]:
-        """Facets that determine the normal at each node, and those without partner (local).
+    def choose(self, x: Array, master: Any, m: Array, largest: float) -> Indices:
+        """Side whose normal is used at each of the nodes, -1 for that of all, shape (k,) (local).
 
         Args:
-            x: Positions of the nodes, shape (n, 3) [length].
+            x: Positions of the surface's nodes, shape (n, dim) [length].
             master: The other surface.
-            m: Positions of its nodes, shape (nodes of the master, 3) [length].
-            largest: Distance up to which the master is searched [length].
+            m: Positions of its nodes, shape (nodes of the master, dim) [length].
+            largest: Distance up to which the master is searched in space [length].
+        """
+        n, edges = self._normals(x, self._entries)
+        side, count = self.sides[self._entries], self.nodes.size
+        of_sides = np.zeros((count, side.max() + 2, x.shape[1]))
+        np.add.at(of_sides, (self._at, side), n)
+        of_sides = _unit(of_sides)
+        mean = of_sides[:, -1] = _unit(of_sides.sum(axis=1))
+        shortest = np.full(count, np.inf)
+        np.minimum.at(shortest, self._at, np.linalg.norm(edges, axis=2).min(axis=0))
+        if x.shape[1] == 2:
+            ends, masters = m[master.facets[:, [0, -1]]], self._masters()
+            parts = np.array_split(np.arange(count), 1 + count * len(ends) // DISTANCES_AT_ONCE)
+            found = [
+                _facing_curve(x[self.nodes[at]], mean[at], shortest[at], ends, masters[at])
+                for at in parts
+            ]
+            towards = np.concatenate(found)
+        else:
+            given = (master, m), largest, self._slaves()
+            towards = _facing_faces(x[self.nodes], mean, shortest, *given)
+        nearest = np.argmax(np.einsum("ksc,kc->ks", of_sides, towards), axis=1)
+        chosen = of_sides[np.arange(count), nearest]
+        is_blunt = np.einsum("kc,kc->k", chosen, mean) > np.cos(0.5 * BLUNT)
+        return np.where(is_blunt, -1, nearest)
+
+    def links(self, chosen: Indices) -> tuple[tuple[Indices, ...], Flags]:
+        """What determines the normal at each node, and facets that have no partner (local).
+
+        Args:
+            chosen: The result of ``choose``, shape (k,).
 
         Returns:
-            ``Faces.around`` with the chosen facets only, and marks of the facets, (f,), bool.
+            Nodes before and after each one, in space ``Surface.around``, with chosen facets only;
+            marks of the facets, (f,), bool. A facet keeps its partner if a node takes its normal.
         """
-        starts, facet, _ = around = self._surface.around
-        alone = np.zeros(len(self._surface.facets), bool)
-        if not self.nodes.size:
-            return around, alone
-        n, p, q = self._at_nodes(x)
-        owner = np.repeat(np.arange(self._surface.num_nodes), np.diff(starts))
-        at = np.full(self._surface.num_nodes, -1)
-        at[self.nodes] = np.arange(self.nodes.size)
-        entries = np.flatnonzero(self.sides >= 0)
-        k, side = at[owner[entries]], self.sides[entries]
-        of_sides = np.zeros((self.nodes.size, side.max() + 2, 3))
-        np.add.at(of_sides, (k, side), n[entries])
-        of_sides = _unit(of_sides)
-        of_sides[:, -1] = _unit(of_sides.sum(axis=1))
-        shortest = np.full(self.nodes.size, np.inf)
-        edges = np.minimum(*(np.linalg.norm(e[entries], axis=1) for e in (p, q)))
-        np.minimum.at(shortest, k, edges)
-        towards = _facing_faces(x[self.nodes], of_sides[:, -1], (master, m), shortest, largest)
-        chosen = _nearest(of_sides.transpose(1, 0, 2), of_sides.shape[1] - 1, towards)[k]
-        kept = (chosen == of_sides.shape[1] - 1) | (chosen == side)
-        alone[facet[entries[~kept]]] = True
-        alone[facet[entries[chosen == side]]] = False
-        stays = np.ones(facet.size, bool)
-        stays[entries[~kept]] = False
-        counts = np.bincount(owner[stays], minlength=self._surface.num_nodes)
-        begins = np.concatenate([[0], np.cumsum(counts)])
-        return (begins, facet[stays], around[2][stays]), alone
+        surface, side, chosen = self._surface, self.sides[self._entries], chosen[self._at]
+        facet, left = self._facet[self._entries], (chosen >= 0) & (chosen != side)
+        alone = np.zeros(len(surface.facets), bool)
+        alone[facet[left]] = True
+        alone[facet[chosen == side]] = False
+        gone = self._entries[left]
+        if surface.dim == 2:
+            beside = np.stack([surface.previous, surface.following])
+            beside[side[left], self._owner[gone]] = -1
+            return (beside[0], beside[1]), alone
+        stays = np.ones(self._facet.size, bool)
+        stays[gone] = False
+        starts = np.append(0, np.cumsum(stays))[surface.around[0]]
+        return (starts, self._facet[stays], self._place[stays]), alone
 
-    def _at_nodes(self, x: Array) -> tuple[Array, Array, Array]:
-        """Unit normal and both edges of the facets at the nodes, (e, 3) each, see ``around``."""
-        _, facet, place = self._surface.around
-        corners = x[self._surface.facets[facet]]
-        p, q = (np.einsum("ek,ekc->ec", of_edge[place], corners) for of_edge in self._edges)
-        return _unit(np.cross(p, q)), p, q
+    def _masters(self) -> Flags:
+        """Whether a facet is a master of a facet at each of the nodes, (k, f), bool, or (k, 1)."""
+        surface = self._surface
+        if surface.roles is None:
+            return np.ones((self.nodes.size, 1), bool)
+        return np.asarray(surface.roles.masters_of_nodes(surface.facets, self.nodes))
+
+    def _slaves(self) -> tuple[Any, Indices, Indices]:
+        """Roles in space, and the facets at each of the nodes: starts (k + 1,), facets (e,)."""
+        roles, entries = self._surface.roles, self._entries
+        starts = np.searchsorted(self._at, np.arange(self.nodes.size + 1))
+        return NO_ROLES if roles is None else roles.of(entries), starts, self._facet[entries]
+
+    def _normals(self, x: Array, entries: Indices) -> tuple[Array, Array]:
+        """Unit normals (e, dim) of some facets at nodes, and edges from these (dim - 1, e, dim)."""
+        facets = self._surface.facets[self._facet[entries]]
+        if x.shape[1] == 2:
+            chords = x[facets[:, -1]] - x[facets[:, 0]]
+            return _unit(np.stack([chords[:, 1], -chords[:, 0]], axis=1)), chords[None]
+        of_edges = edge_coefficients(facets.shape[1])
+        place = self._place[entries]
+        edges = [np.einsum("ek,ekc->ec", of_edge[place], x[facets]) for of_edge in of_edges]
+        return _unit(np.cross(*edges)), np.stack(edges)
 
 
-def _facing_faces(
-    points: Array, n: Array, other: tuple[Any, Array], shortest: Array, largest: float
+def _facing_curve(
+    points: Array, n: Array, shortest: Array, ends: Array, candidates: Flags
 ) -> Array:
-    """Reversed normals of the master's facets nearest to points that face ``n``, (k, 3).
+    """Reversed normals of the master's facets nearest to points that face ``n``, (k, 2).
 
     ``n`` if no facet does.
     """
-    master, m = other
-    triangles = triangles_of(master.facets)[0]
-    triangles = triangles[spatial_order(m[triangles[:, 0]])]
+    chords = ends[:, 1] - ends[:, 0]
+    reversed_normals = _unit(np.stack([-chords[:, 1], chords[:, 0]], axis=1))
+    arms = points[:, None] - ends[:, 0]
+    s = np.clip((arms * chords).sum(axis=2) / (chords**2).sum(axis=1), 0.0, 1.0)
+    away = np.linalg.norm(arms - s[:, :, None] * chords, axis=2)
+    away[~(candidates & (n @ reversed_normals.T > 0.0))] = np.inf
+    nearest = away.min(axis=1, initial=np.inf)
+    near = (away <= (nearest + EQUALLY_NEAR * shortest)[:, None]) & (away < np.inf)
+    return np.where(nearest[:, None] < np.inf, _unit(near @ reversed_normals), n)
+
+
+def _facing_faces(
+    points: Array, n: Array, shortest: Array, other: tuple[Any, Array], largest: float,
+    slaves: tuple[Any, Indices, Indices],
+) -> Array:  # fmt: skip
+    """``_facing_curve`` in space, up to a ``largest`` distance [length].
+
+    ``slaves``: see ``SharpEdges._slaves``.
+    """
+    (master, m), (roles, *facets) = other, slaves
+    triangles, owner = triangles_of(master.facets)
+    order = spatial_order(m[triangles[:, 0]])
+    triangles = triangles[order]
     at = m, triangles, build_tree(m, triangles)
-    return np.asarray(facing_normals(*at, points, n, EQUALLY_NEAR * shortest, shortest, largest))
+    limits = EQUALLY_NEAR * shortest, shortest, largest
+    return np.asarray(facing_normals(*at, points, n, *limits, (roles, owner[order], *facets)))

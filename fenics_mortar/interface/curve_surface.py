@@ -216,18 +216,9 @@ class Curve(Surface):
         """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
         inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner
         j, turns = np.flatnonzero(inside), np.zeros(self.num_nodes)
-        turns[j] = turn_between(*self.chords(self.X, j))
+        near = self.along(j, range(-self.degree, self.degree + 1, self.degree))
+        turns[j] = turn_between(*np.moveaxis(np.diff(self.X[near], axis=1), 1, 0))
         return turns
-
-    def chords(self, x: Array, nodes: Indices) -> tuple[Array, Array]:
-        """Chords of the facets that end and begin at ``nodes`` (k,), (k, 2) each [length].
-
-        Args:
-            x: Positions of all nodes, shape (n, 2) [length].
-            nodes: Ends of two facets each.
-        """
-        near = self.along(nodes, range(-self.degree, self.degree + 1, self.degree))
-        return x[near[:, 1]] - x[near[:, 0]], x[near[:, 2]] - x[near[:, 1]]
 
     def along(self, nodes: Indices, steps: range) -> Indices:
         """Nodes at ``steps`` (s) along the curve from ``nodes`` (k,): (k, s); -1 beyond an end."""

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_mortar.interface import surfaces
-from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.interface.reference import CORNERS, covers
 from fenics_mortar.interface.surfaces import FaceRoles, Surface
-from fenics_mortar.kernels.space.normals import facets_around, find_rings, padded
+from fenics_mortar.kernels.space.normals import find_rings, padded
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
@@ -42,16 +41,6 @@ class Faces(Surface):
 
     is_open: Flags
     roles: FaceRoles | None = None
-
-    @cached_property
-    def around(self) -> tuple[Indices, Indices, Indices]:
-        """Facets at each node: starts (n + 1,), their numbers and places of the node, (e,) each."""
-        return facets_around(self.facets, self.num_nodes)
-
-    @cached_property
-    def sharp_edges(self) -> SharpEdges:
-        """Sharp edges inside the surface."""
-        return SharpEdges(self)
 
     @cached_property
     def stencil(self) -> Indices:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.integrals import PlaneOperators, Segments, WholeFacets
 from fenics_mortar.interface.space_mortar import FacetPairs
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import listed_points
@@ -27,6 +26,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 if TYPE_CHECKING:
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.interface.faces import Faces
+    from fenics_mortar.interface.integrals import PlaneOperators, Segments
 
 Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
@@ -121,24 +121,24 @@ def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAU
     return Points(facet, nodes, s, half * rule[1], shape, slopes[:, :, None])
 
 
-def rule_of(segments: Segments | WholeFacets) -> Rule:
+def rule_of(segments: Segments) -> Rule:
     """Points and weights on each segment, in space on each whole facet [1] (local)."""
-    if isinstance(segments, WholeFacets):
+    if segments.points.ndim == 2:
         size = segments.slave.shape[1]
         return reference.face_rule(size, LINEAR if size < 6 else QUADRATIC)
     return GAUSS
 
 
-def points_of(segments: Segments | WholeFacets, rule: Rule = GAUSS) -> Points:
+def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
     """Quadrature points of segments, or of whole facets in space with their own rule (local)."""
-    if isinstance(segments, WholeFacets):
+    if segments.points.ndim == 2:
         count, size = segments.slave.shape
         points, weights = rule_of(segments)
         table = np.tile(reference.tabulate(points, size), (count, 1, 1, 1))
         coordinates, w = np.tile(points, (count, 1, 1)), np.tile(weights, (count, 1))
         at = segments.facets, segments.slave, coordinates, w
         return Points(*at, table[:, :, 0], table[:, :, 1:])
-    facet = np.repeat(segments.facets, np.diff(segments.offsets))
+    facet = segments.facets[segments.owner]
     return points_between(facet, segments.slave, segments.ends, rule)
 
 
@@ -282,7 +282,7 @@ class LinearFacets(NamedTuple):
 
     Attributes:
         facets: Nodes of each, shape (m, K).
-        around: See ``Faces.around``.
+        around: See ``Surface.around``.
     """
 
     facets: Indices

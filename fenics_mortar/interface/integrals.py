@@ -42,7 +42,6 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
 from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule, hand_over
 from fenics_mortar.kernels import points as point_kernels
@@ -55,6 +54,7 @@ from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.curve_surface import Curve
+    from fenics_mortar.interface.mortar import ByEntries
     from fenics_mortar.interface.surfaces import Surface
 
 
@@ -106,7 +106,8 @@ class Segments:
         ends: Ends on the slave facet, -1 ... 1, shape (n, 2).
         end_is_fixed: Whether an end is a fixed point of the slave facet, shape (n, 2); else the
             lower / upper end is the partner of the last / first master node.
-        points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
+        points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,); in
+            space, of whole facets on an obstacle, shape (p, 2).
         weights: Their weights, whose sum is 2 for each segment, shape (p,).
         spans: Segment i has the points spans[i, 0]:spans[i, 1], shape (n, 2).
         pairs: Segments (i, k) of which M of i depends on the nodes of k, shape (p, 2).
@@ -129,6 +130,11 @@ class Segments:
     def num_segments(self) -> int:
         """Number of segments."""
         return self.slave.shape[0]
+
+    @property
+    def owner(self) -> Indices:
+        """Position in ``facets`` of the facet of each segment, shape (n,)."""
+        return np.repeat(np.arange(self.facets.size), np.diff(self.offsets))
 
 
 @clock("search")
@@ -181,39 +187,6 @@ def find_segments(
     owner, partial, pair_offsets, pairs = couples
     on_slave, on_master = nodes[owner], master.facets[masters]
     return Segments(facets, partial, offsets, pair_offsets, on_slave, on_master, *rules, pairs)
-
-
-@dataclass(frozen=True)
-class WholeFacets:
-    """Facets in space that face an obstacle, each of them one segment without master nodes.
-
-    Attributes:
-        facets: Numbers of the facets, shape (f,).
-        slave: Their nodes, shape (f, K).
-    """
-
-    facets: Indices
-    slave: Indices
-
-    @property
-    def num_segments(self) -> int:
-        """Number of facets."""
-        return len(self.slave)
-
-    @property
-    def master(self) -> Indices:
-        """No nodes, shape (f, 0)."""
-        return np.empty((len(self.slave), 0), np.int64)
-
-    @property
-    def owner(self) -> Indices:
-        """Position in ``facets`` of the facet of each segment, shape (f,)."""
-        return np.arange(len(self.slave))
-
-    @property
-    def pairs(self) -> Indices:
-        """No pairs of segments, shape (0, 2)."""
-        return np.empty((0, 2), np.int64)
 
 
 def _runs(
@@ -310,7 +283,7 @@ def evaluate_normals(
         x: Current positions of its n nodes, shape (n, dim) [length].
         weighting: Weights of the facet normals at a node.
         links: Nodes before and after each node of a curve, (n,) each, or in space the facets around
-            each node, see ``Faces.around``, if not those of the surface.
+            each node, see ``Surface.around``, if not those of the surface.
         planes: Normals that replace those of nodes on symmetry planes, nan elsewhere, shape (n, 2);
             in space matrices that remove components of normals, shape (n, 3, 3).
 
@@ -371,12 +344,9 @@ def choose_facets(given: MortarInput) -> tuple[Indices, Any, tuple[Array, Array]
     """
     slave, options, searched = given.slave, given.options, given.searched
     used, links = given.multiplier_nodes[slave.facets].any(axis=1), None
-    if options.corners:
-        at = given.x, given.master, given.m
-        if slave.dim == 2:
-            links, alone = links_at_corners(slave, *at)
-        else:
-            links, alone = slave.sharp_edges.choose(*at, options.radius)
+    if options.corners and slave.sharp_edges.nodes.size:
+        edges, at = slave.sharp_edges, (given.x, given.master, given.m)
+        links, alone = edges.links(edges.choose(*at, options.radius))
         used &= ~alone
     share = share_of(used.nonzero()[0], slave.comm)
     if searched is not None and np.array_equal(searched.segments.facets, share):
@@ -453,28 +423,28 @@ class PlaneOperators(MortarOperators):
         """
         if self.linearization.frozen:
             return []
-        s = self.segments
-        i, k = s.pairs[:, 0], s.pairs[:, 1]
-        by_D = np.einsum("sjkq,skc,sjc->sjq", self.dD, self.x[s.slave], along[s.slave])
-        by_M = np.einsum("pjlq,plc,pjc->pjq", self.dM, self.m[s.master[i]], along[s.slave[i]])
-        return [
-            *self.jump_derivative(along),
-            Block(s.slave, self.columns, by_D),
-            Block(s.slave[i], self.columns[k], -by_M),
-        ]
+        of_matrices = self.matrices_derivative(
+            lambda j, k: np.einsum("...c,...c->...", along[j], self.x[k])[..., None],
+            lambda j, l: -np.einsum("...c,...c->...", along[j], self.m[l])[..., None],
+        )
+        return [*self.jump_derivative(along), *of_matrices]
 
     def matrix_derivative(self, on_slave: Array, on_master: Array) -> list[Block]:
         """Blocks of d(D v - M w)/dd at constant nodal values of a scalar field (local)."""
-        s = self.segments
+        return self.matrices_derivative(
+            lambda _, k: on_slave[k][..., None], lambda _, l: -on_master[l][..., None]
+        )
+
+    def matrices_derivative(self, by_D: ByEntries, by_M: ByEntries) -> list[Block]:
+        """Blocks of numbers at nodes, linear in D and M, see ``MortarOperators`` (local)."""
         if self.linearization.frozen:
             return []
-        by_D = np.einsum("sjkq,sk->sjq", self.dD, on_slave[s.slave])
-        blocks = [Block(s.slave, self.columns, by_D)]
-        if len(self.m):
-            i, k = s.pairs[:, 0], s.pairs[:, 1]
-            by_M = np.einsum("pjlq,pl->pjq", self.dM, on_master[s.master[i]])
-            blocks.append(Block(s.slave[i], self.columns[k], -by_M))
-        return blocks
+        s, (i, k) = self.segments, self.segments.pairs.T
+        j, l = s.slave[i], s.master[i]
+        by = by_D(s.slave[:, :, None], s.slave[:, None]), by_M(j[:, :, None], l[:, None])
+        of_D = np.einsum("sjkq,sjk->sjq", self.dD, by[0][..., 0])
+        of_M = np.einsum("pjlq,pjl->pjq", self.dM, by[1][..., 0])
+        return [Block(s.slave, self.columns, of_D), Block(j, self.columns[k], of_M)]
 
     def freeze(self) -> Self:
         """Copy with constant D, M and n, for small motions; see ``after_small_motion``."""

@@ -25,7 +25,7 @@ Blocks of sparse matrices, and the terms of the tangent that are kept.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -66,6 +66,8 @@ def entries_of(block: Block) -> tuple[Indices, Indices, Array]:
     return rows.ravel(), columns.ravel(), block.values.ravel()
 
 
+# Derivatives of numbers at nodes by entries of D or M, see ``MortarOperators.matrices_derivative``.
+ByEntries = Callable[[Indices, Indices], Array]
 # Numbers of the columns of a matrix, and the matrix.
 NumberedColumns = tuple[Indices, csr_array]
 
@@ -290,6 +292,19 @@ class MortarOperators(ABC):
         Args:
             on_slave: v, shape (slave nodes,) [any unit].
             on_master: w, shape (master nodes,) [that of v].
+        """
+
+    @abstractmethod
+    def matrices_derivative(self, by_D: ByEntries, by_M: ByEntries) -> list[Block]:
+        """Blocks of r numbers at each slave node that are linear in its row of D and M (local).
+
+        In the plane r = 1. Rows are numbers, those of node j from r j on, columns displacement
+        dofs; frozen operators have none.
+
+        Args:
+            by_D: Function of slave nodes j and k, arrays that broadcast, whose values are the
+                derivatives of the numbers of j by D[j, k], shape (..., r).
+            by_M: Likewise by M[j, l], of slave nodes j and master nodes l.
         """
 
     def after_small_motion(self, x: Array, m: Array) -> Self:

@@ -34,7 +34,6 @@ from fenics_mortar.interface.integrals import (
     MortarOptions,
     PlaneOperators,
     Segments,
-    WholeFacets,
     share_of,
     sum_over_facets,
 )
@@ -430,11 +429,9 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
     np.add.at(dgap_dq, nodes, by_motions)
     dgap_dq = sum_over_ranks(slave.comm, dgap_dq)
     count, size, columns = dgap.shape
-    in_plane = dim == 2
-    segments = _as_segments(facets, nodes, rule) if in_plane else WholeFacets(facets, nodes)
     return ObstacleOperators(
         slave=slave, master=master, x=x, m=master.X, n=n, dn=dn,
-        segments=segments, D=D, M=np.zeros((count, size, 0)), dD=dD,
+        segments=_as_segments(facets, nodes, rule), D=D, M=np.zeros((count, size, 0)), dD=dD,
         dM=np.zeros((0, size, 0, columns)), dgap=dgap, **sums,
         num_segments=slave.comm.allreduce(count), linearization=linearization, obstacle=obstacle,
         arm=arm, phi=phi, V=V, dn_dq=dn_dq, dgap_dq=dgap_dq,
@@ -449,5 +446,5 @@ def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> 
         pair_offsets=np.zeros(count + 1, np.int64), slave=nodes,
         master=np.empty((count, 0), np.int64), ends=np.tile([-1.0, 1.0], (count, 1)),
         end_is_fixed=np.ones((count, 2), bool), points=rule[0], weights=rule[1],
-        spans=np.tile([0, rule[0].size], (count, 1)), pairs=np.empty((0, 2), np.int64),
+        spans=np.tile([0, rule[1].size], (count, 1)), pairs=np.empty((0, 2), np.int64),
     )  # fmt: skip

@@ -98,6 +98,12 @@ class Outline:
         """Chords of the facets that contain the segments, nodes at ``x`` (n, 2): (m,) [length]."""
         return np.hypot(*(x[self.ends[:, 1]] - x[self.ends[:, 0]]).T)
 
+    def normals(self, x: Array, facets: Any = slice(None)) -> Array:
+        """Outward unit normals of some segments, nodes at ``x`` (n, 2), shape (..., 2) [1]."""
+        a, b = np.moveaxis(x[self.segments[facets]], -2, 0)
+        normals = np.stack([b[..., 1] - a[..., 1], a[..., 0] - b[..., 0]], axis=-1)
+        return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), TINY)
+
     def neighbours(self) -> tuple[Indices, Indices]:
         """Segments after and before each one, -1 for none, each (m,); one of several at a fork."""
         begins, ends = np.full((2, len(self.X)), -1)
@@ -307,15 +313,15 @@ class Hull(Outline):
         np.maximum.at(largest, self.segments, values[:, None])
         return largest
 
-    def normals(self, x: Array) -> Array:
-        """Outward unit normals of the triangles, nodes at ``x`` (n, 3), shape (m, 3) [1]."""
-        a, b, c = np.moveaxis(x[self.segments], 1, 0)
+    def normals(self, x: Array, facets: Any = slice(None)) -> Array:
+        """Outward unit normals of some triangles, nodes at ``x`` (n, 3), shape (..., 3) [1]."""
+        a, b, c = np.moveaxis(x[self.segments[facets]], -2, 0)
         normals = np.cross(b - a, c - a)
-        return normals / np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
+        return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), TINY)
 
     @cached_property
     def around(self) -> tuple[Indices, Indices, Indices]:
-        """Triangles at each node, see ``Faces.around``."""
+        """Triangles at each node, see ``Surface.around``."""
         return facets_around(self.segments, len(self.X))
 
     @cached_property

@@ -41,6 +41,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from fenics_mortar.interface.curve_surface import FOLD, Curve
 from fenics_mortar.interface.faces import Faces
 from fenics_mortar.interface.surfaces import CurveRoles, FaceRoles, Roles
+from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.kernels.space.normals import padded
 from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices, cross_in_plane
 from fenics_mortar.utils.errors import SurfaceError, format_point
@@ -58,7 +59,7 @@ def roles_of_faces(surface: Faces) -> FaceRoles:
     Raises:
         SurfaceError: If facets fold back on each other at an edge, as at the tip of a crack.
     """
-    graph = _shared_nodes(surface.facets, surface.num_nodes)
+    graph = shared_nodes(surface.facets, surface.num_nodes)
     places = surface.X[surface.corners].mean(axis=1)
     _check_folds(surface, places)
     count, part = connected_components(graph, directed=False)
@@ -78,7 +79,7 @@ def roles_of_faces(surface: Faces) -> FaceRoles:
     return FaceRoles(keys, _near(graph))
 
 
-def _shared_nodes(facets: Indices, num_nodes: int) -> csr_array:
+def shared_nodes(facets: Indices, num_nodes: int) -> csr_array:
     """Number of common nodes of ``facets`` (f, K), with itself too, shape (f, f)."""
     count, size = facets.shape
     owner = np.repeat(np.arange(count), size)
@@ -94,7 +95,7 @@ def _check_folds(surface: Faces, places: Array) -> None:
         surface: The surface.
         places: Middles of the facets, shape (f, 3) [length].
     """
-    i, j = (_shared_nodes(surface.corners, surface.num_nodes) > 1.0).nonzero()
+    i, j = (shared_nodes(surface.corners, surface.num_nodes) > 1.0).nonzero()
     x = surface.X[surface.corners]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -208,21 +209,11 @@ def starts_of_holes(surface: Any) -> Indices:
     found: list[int] = []
     for facets in facets_by_curve(surface) if surface.dim == 2 else []:
         first = surface.facets[facets, 0]
-        if surface.facets[facets[-1], -1] != first[0]:
+        start, end = surface.X[first], np.roll(surface.X[first], -1, axis=0)
+        if surface.facets[facets[-1], -1] != first[0] or cross_in_plane(start, end).sum() > 0.0:
             continue
-        x, y = surface.X[first].T
-        area = 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
         others = np.setdiff1d(surface.facets.ravel(), surface.facets[facets].ravel())
-        if area < 0.0 and not _are_inside(surface.X[first], surface.X[others]).any():
+        chords = np.ascontiguousarray(surface.facets[facets][:, [0, -1]])
+        if not depths_inside(surface.X, chords, surface.X[others]).any():
             found.append(first[0])
     return np.array(found, np.int64)
-
-
-def _are_inside(polygon: Array, points: Array) -> Flags:
-    """Whether ``points`` (n, 2) are inside of a closed ``polygon`` (k, 2), shape (n,), bool."""
-    a, b, p = polygon, np.roll(polygon, -1, axis=0), points[:, None]
-    above = a[:, 1] > p[..., 1], b[:, 1] > p[..., 1]
-    edge, arm = b - a, p - a
-    on_left = cross_in_plane(edge, arm) > 0.0
-    crossings = ((above[0] != above[1]) & (on_left == above[1])).sum(axis=1)
-    return np.asarray(crossings % 2 == 1)

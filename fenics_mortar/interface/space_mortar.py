@@ -50,6 +50,7 @@ from fenics_mortar.utils.ranks import sum_over_ranks
 if TYPE_CHECKING:
     from fenics_mortar.interface.faces import Faces
     from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
+    from fenics_mortar.interface.mortar import ByEntries
     from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import FaceRoles
 
@@ -361,35 +362,31 @@ class SpaceOperators(MortarOperators):
         change = self._by_matrices(*(v[..., None] for v in values))[:, :, 0]
         return [Block(self.facet_nodes, self.columns, self.H @ change)]
 
-    def matrices_derivative(self, by_D: Array, by_M: Array) -> Array:
-        """Derivative of a numbers at each node of the facets that are linear in its D and M.
+    def matrices_derivative(self, by_D: ByEntries, by_M: ByEntries) -> list[Block]:
+        """Blocks of numbers at nodes that are linear in D and M, see ``MortarOperators`` (local).
 
-        Local. The matrices of a facet are differentiated three columns at a time.
-
-        Args:
-            by_D: Derivatives of the numbers by D[j, k], shape (f, K, a, K).
-            by_M: Those by M[j, l], with the nodes ``segments.merged`` as l, shape (f, K, a, L).
-
-        Returns:
-            Shape (f, K, a, C) [unit of the numbers / length].
+        The matrices of a facet are differentiated three columns at a time.
         """
-        s, (count, size), width = self.segments, self.facet_nodes.shape, self.columns.shape[1]
-        total = np.zeros((*by_D.shape[:3], width))
+        s, nodes, (count, size) = self.segments, self.facet_nodes, self.facet_nodes.shape
         if self.linearization.frozen or not count:
-            return total
+            return []
+        of_D = np.swapaxes(by_D(nodes[:, :, None], nodes[:, None]), 2, 3)
+        of_M = np.swapaxes(by_M(nodes[:, :, None], s.merged[:, None]), 2, 3)
+        total = np.zeros((*of_D.shape[:3], self.columns.shape[1]))
         none_v, none_w = np.zeros((count, size, 3)), np.zeros((*s.master.shape, 3))
         if self.is_dual:
-            diagonal = by_D * self.H[:, :, None]
+            diagonal = of_D * self.H[:, :, None]
             total += np.einsum("fjak,fkq->fjaq", diagonal, self._weights_and_gaps[0])
         for first in range(0, 0 if self.is_dual else size, 3):
             v, used = none_v.copy(), np.arange(first, min(first + 3, size))
             v[:, used, used - first] = 1.0
-            total += self._chained(by_D[..., used], self._by_matrices(v, none_w))
-        for first in range(0, by_M.shape[3], 3):
+            total += self._chained(of_D[..., used], self._by_matrices(v, none_w))
+        for first in range(0, of_M.shape[3], 3):
             chosen = s.places[:, :, None] == first + np.arange(3)
             change = self._by_matrices(none_v, chosen.astype(float))
-            total -= self._chained(by_M[..., first : first + 3], change)
-        return total
+            total -= self._chained(of_M[..., first : first + 3], change)
+        rows = (of_D.shape[2] * nodes[:, :, None] + np.arange(of_D.shape[2])).reshape(count, -1)
+        return [Block(rows, self.columns, total.reshape(*rows.shape, total.shape[3]))]
 
     def _chained(self, by: Array, change: Array) -> Array:
         """Chain rule with columns of D or M: shapes (f, K, a, b), (f, K, 3, C), (f, K, a, C)."""

@@ -50,7 +50,9 @@ import basix
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface import reference
+from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.kernels.sight import tabulate_masters
+from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.mesh.space import cells_of_facets
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import summed
@@ -66,7 +68,7 @@ if TYPE_CHECKING:
 # slight motions: it is 0.05 at a vertex of quadratic facets at 1/40 of a facet from the axis of
 # revolution, and at least 2/3 for linear facets. (2) Cover: the multiplier function is handed over
 # to a neighbour with twice the cover. Of two nodes with equal small covers either could carry the
-# force, and rounding would decide.
+# force, and rounding would decide. Regions in space below it are unresolved.
 MIN_SHARE = 0.05
 
 
@@ -135,6 +137,16 @@ class Surface:
             self, facets=number[facets], owned=number[self.owned[mine]],
             local_dofs=self.local_dofs[mine], **new,
         )  # fmt: skip
+
+    @cached_property
+    def around(self) -> tuple[Indices, Indices, Indices]:
+        """Facets at each node: starts (n + 1,), their numbers and places of the node, (e,) each."""
+        return facets_around(self.facets, self.num_nodes)
+
+    @cached_property
+    def sharp_edges(self) -> SharpEdges:
+        """Corners, in space sharp edges, inside the surface."""
+        return SharpEdges(self)
 
     @cached_property
     def corners(self) -> Indices:

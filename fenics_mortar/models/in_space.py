@@ -43,12 +43,12 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.cells import Triangles, triangulate
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.equations.general import restored_if_interrupted
 from fenics_mortar.interface.facing import linear_facets, nearest_on_chords, nearest_points
 from fenics_mortar.la.solver import factored
 from fenics_mortar.models.model_error import (
     QUANTITIES,
     Assumption,
-    Errors,
     SolutionQuantities,
     differences,
     take_steps,
@@ -391,16 +391,15 @@ class InSpace:
         """
         with self._at_lifted(plane) as solid:
             lifted = SolutionQuantities.of(solid)
-            errors = dict.fromkeys(QUANTITIES, np.inf)
             try:
                 errors = take_steps(solid, lifted, solid)
+                change = self._change(lifted, SolutionQuantities.of(solid))
             except RaisedElsewhereError:
                 raise
             except MortarError:  # the model in space fails: the plane one is not known to do
-                pass
-            found = self._assumption(plane, lifted, SolutionQuantities.of(solid), errors)
+                errors, change = dict.fromkeys(QUANTITIES, np.inf), "the steps in space fail"
         self.follow(plane)
-        return found
+        return Assumption(self._name(plane), change, errors)
 
     def compare(self, plane: ContactProblem) -> Assumption:
         """True errors of a solved plane model, if the problem in space is solved too (collective).
@@ -416,7 +415,7 @@ class InSpace:
             solid.equations.bulk.values[: solved.u.size] = solved.u
             solid.equations.bulk.u.x.scatter_forward()
             errors = differences(solid, lifted, solved)
-        return self._assumption(plane, lifted, solved, errors)
+        return Assumption(self._name(plane), self._change(lifted, solved), errors)
 
     def follow(self, plane: ContactProblem) -> None:
         """Count slip from the present state of a plane problem (collective)."""
@@ -430,15 +429,16 @@ class InSpace:
         solid, kept = self._solid, self._solid.state()
         if solid.equations.bulk.inertia is not None:
             raise MortarError("InSpace: the problem in space has a Dynamics; expected statics")
-        try:
-            solid.restore(kept.counting_slip_from(self.start).replaced(converged=True))
-            solid.equations.start_step()
-            self._lift_of(plane).put(self._strain)
-            solid.restore(solid.state())
-            yield solid
-        finally:
-            solid.equations.system.ksp.reset()
-            solid.restore(kept)
+        with restored_if_interrupted(solid.equations):  # also if this is while it is restored
+            try:
+                solid.restore(kept.counting_slip_from(self.start).replaced(converged=True))
+                solid.equations.start_step()
+                self._lift_of(plane).put(self._strain)
+                solid.restore(solid.state())
+                yield solid
+            finally:
+                solid.equations.system.ksp.reset()
+                solid.restore(kept)
 
     def _lift_of(self, plane: ContactProblem) -> Lift:
         if self._lift is None or self._lift[0] is not plane:
@@ -448,15 +448,12 @@ class InSpace:
     def _section(self, plane: ContactProblem) -> Section:
         return Section(**self._frame, revolved=plane.equations.bulk.space.is_axisymmetric)
 
-    def _assumption(
-        self,
-        plane: ContactProblem,
-        lifted: SolutionQuantities,
-        solved: SolutionQuantities,
-        errors: Errors,
-    ) -> Assumption:
+    def _name(self, plane: ContactProblem) -> str:
         kind = "plane strain" if self._strain is None else "plane stress"
-        name = "axisymmetric" if plane.equations.bulk.space.is_axisymmetric else kind
+        return "axisymmetric" if plane.equations.bulk.space.is_axisymmetric else kind
+
+    def _change(self, lifted: SolutionQuantities, solved: SolutionQuantities) -> str:
+        """Describe how a solution in space differs from that of the plane (collective)."""
         change = np.abs(solved.u - lifted.u).max(initial=0.0)
-        (largest,) = largest_over_ranks(plane.equations.comm, np.array([change]))
-        return Assumption(name, f"displacement in space differs by {largest:.2g}", errors)
+        (largest,) = largest_over_ranks(self._solid.equations.comm, np.array([change]))
+        return f"displacement in space differs by {largest:.2g}"

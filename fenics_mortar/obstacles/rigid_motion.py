@@ -11,7 +11,8 @@ Rotations of the plane by an angle and of space by a rotation vector, axis times
 
 With the quaternion q = sin(t / 2) w / t, q_0 = cos(t / 2), t = |w|, and Q v = q x v, the rotation
 by w is R = 1 + 2 (q_0 Q + Q^2) / (q_0^2 + q^2), in the plane with w along e_z. The divisor is one
-but for rounding, which thus does not stretch.
+but for rounding, which thus does not stretch; with Q^2 = q q^T - q^2, whose diagonal has one common
+rounding of q^2, R R^T is one to 1e-15 (matrix product: 1.3e-15).
 
 A place of a rigid body has the translation of the pivot and the angle, in space the rotation
 vector, see ``rigid_motion``. A motion q has translations and turns about fixed axes, the angles
@@ -91,7 +92,9 @@ def rotation_less_one(turn: Array) -> Array:
     half = 0.5 * np.sqrt(turn @ turn) + TINY
     q, q_0 = np.sin(half) / (2.0 * half) * turn, np.cos(half)
     Q = np.tensordot(q, TURNS[2 if turn.size == 1 else 3], 1)
-    return 2.0 / (q @ q + q_0**2) * (q_0 * Q + Q @ Q)
+    along = np.outer(q, q) if turn.size == 3 else 0.0
+    square = along - (q @ q) * np.eye(len(Q))
+    return 2.0 / (q @ q + q_0**2) * (q_0 * Q + square)
 
 
 def vector_of(R: Array) -> Array:

@@ -168,15 +168,17 @@ class Dynamics:
             self._begin()
             before = self._errors
             if before.time != self.time:  # after other steps, whose errors it does not add
-                kinetic = 0.5 * self._largest_speed**2
-                before = EnergyErrors(kinetic=kinetic, deficit=self.energy_deficit)
+                before = EnergyErrors(*self._energy_totals())
             report, _, work = self._advance(dt, forces_of(self.problem))
-        totals = 0.5 * self._largest_speed**2, self.energy_deficit
-        self._errors = before.after(work, *totals, size=dt, time=self.time)
+        self._errors = before.after(work, *self._energy_totals(), size=dt, time=self.time)
         if self._errors.worst(self.scheme) > before.worst(self.scheme):
             remark = self._errors.remark(self.scheme, self.rho_inf)
             report.notes[:0] = filter(None, [remark])
         return report
+
+    def _energy_totals(self) -> tuple[float, float]:
+        """Largest kinetic energy, and energy lost so far and not returned [stress length^2]."""
+        return 0.5 * self._largest_speed**2, self.energy_deficit
 
     def _advance(
         self, dt: float, forces: Forces, *, adapts: bool = False
@@ -198,7 +200,8 @@ class Dynamics:
         check_step(dt, inertia.rates.time)
         start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
-        balance = None if self._corrections is None else self._corrections.balance()
+        if self._corrections is not None:
+            self._corrections.begin()
         problem.time = rates.time + dt
         bulk, end = problem.equations.bulk, before.u.copy()
         compat.set_prescribed(end, bulk.bcs)
@@ -227,8 +230,8 @@ class Dynamics:
         )
         after = forces_of(problem)
         work = work_of(problem, before, problem.state(), forces, after)
-        if self._corrections is not None and balance is not None:
-            self._corrections.correct(work, dt, before.u, (forces, after), balance)
+        if self._corrections is not None:
+            self._corrections.correct(work, dt, before.u, (forces, after))
         inertia.set_rates(inertia.rates, u)
         speeds = [inertia.product(v, v) for v in (rates.velocity, inertia.rates.velocity)]
         self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
@@ -241,10 +244,9 @@ class Dynamics:
         bad = int(np.count_nonzero(~np.isfinite(self.velocity.x.array)))
         if bulk.comm.allreduce(bad):
             raise MortarError("the velocity of Dynamics is not finite")
+        inertia.set_rates(inertia.rates, bulk.u.x.array)  # at the start without acceleration
         if inertia.rates.begun:
-            inertia.set_rates(inertia.rates, bulk.u.x.array)
             return
-        inertia.set_rates(inertia.rates, bulk.u.x.array)  # acceleration not included yet
         w = first_acceleration(self.problem, inertia)
         begun = replace(inertia.rates, acceleration=w, average=w, begun=True)
         inertia.set_rates(begun, bulk.u.x.array)
@@ -456,7 +458,9 @@ def check_run(
     """Reject arguments of ``Dynamics.run`` (local)."""
     expected = f"a time from the present one, {time:.6g}, on"
     check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    check_steps(options, len if set_loads is None else set_loads, on_step)
+    check_steps(options, on_step)
+    if set_loads is not None and not callable(set_loads):
+        raise ValueError(f"set_loads={set_loads!r}: expected a function of the time, or None")
     if tolerance is not None:
         check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
 

@@ -470,7 +470,9 @@ def follow_path(
     """
     check_kind("problem", problem, ContactProblem, "a ContactProblem")
     with together(problem.equations.comm, "follow_path"):
-        check_steps(options, set_loads, on_step)
+        check_steps(options, on_step)
+        if not callable(set_loads):
+            raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
         for name, value in (("start", start), ("stop", stop)):
             check_number(name, value, "a finite number", np.isfinite)
         if start > stop:
@@ -488,12 +490,10 @@ def follow_path(
     return path
 
 
-def check_steps(options: Any, set_loads: Any, on_step: Any) -> None:
-    """Reject options of another type, and what is no function, or ``None`` (local)."""
+def check_steps(options: Any, on_step: Any) -> None:
+    """Reject options of another type, and an ``on_step`` that is no function (local)."""
     expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
-    if not callable(set_loads):
-        raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
     if on_step is not None and not callable(on_step):
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
 

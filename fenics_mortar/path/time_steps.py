@@ -255,6 +255,11 @@ class Corrections:
         mine = np.array([np.bincount(label, row, self._count) for row in rows])
         return sum_over_ranks(self._bulk.comm, mine)
 
+    def begin(self) -> None:
+        """Note the angular momentum at the start of a step."""
+        if not self._space.is_axisymmetric:
+            self._before = self.balance()
+
     def balance(self) -> Balance:
         """Momenta and moments at the last evaluated state."""
         inertia, owned = self._inertia, self._space.owned_dofs
@@ -277,9 +282,7 @@ class Corrections:
         moment = moment + of_pairs[meshed, :axes].sum(axis=0)
         return Balance(momentum, moment, sizes[meshed], sizes[~meshed].any(axis=0))
 
-    def correct(
-        self, work: Work, dt: float, start: Array, forces: tuple[Forces, Forces], before: Balance
-    ) -> None:
+    def correct(self, work: Work, dt: float, start: Array, forces: tuple[Forces, Forces]) -> None:
         """Return the angular momentum and energy lost in a step.
 
         Args:
@@ -287,7 +290,6 @@ class Corrections:
             dt: The step [time].
             start: Displacement at its start, shape (local dofs,) [length].
             forces: Forces at its start and end.
-            before: Angular momentum at its start.
         """
         bulk, inertia, energy = self._bulk, self._inertia, work.pressure
         if self._conserves and inertia.rate is None and inertia.rates.time <= dt:
@@ -299,7 +301,7 @@ class Corrections:
             internal = inertia.acceleration_of(dt * d, bulk.prescribed)
         self.find_rigid()
         if not self._space.is_axisymmetric:
-            internal, pressures = self._return_spin(before, dt, internal, pressures)
+            internal, pressures = self._return_spin(dt, internal, pressures)
         rates = inertia.rates
         inertia.rates = replace(rates, energy_deficit=rates.energy_deficit + energy)
         impulses = [(internal, 0.0, 2.0), (pressures, -1.0, 1.0)]
@@ -415,14 +417,15 @@ class Corrections:
         return np.where(self._bulk.prescribed, 0.0, rest)
 
     def _return_spin(
-        self, before: Balance, dt: float, internal: Array | None, pressures: Array | None
+        self, dt: float, internal: Array | None, pressures: Array | None
     ) -> tuple[Array | None, Array | None]:
         """Balance the angular momentum at the end of a step by rotations of groups of bodies.
 
         The energy added is subtracted from the energy to be returned. Returns the changes of
         velocity by internal forces, and by pressures between bodies, without angular momentum.
         """
-        after, inertia, rates = self.balance(), self._inertia, self._inertia.rates
+        inertia, rates = self._inertia, self._inertia.rates
+        before, after = self._before, self.balance()
         links = [np.flatnonzero(b | a) for b, a in zip(before.touching, after.touching)]
         pairs = [np.stack([bodies[:-1], bodies[1:]], axis=1) for bodies in links]
         group, count = join_bodies(self._count, pairs)

@@ -57,7 +57,7 @@ from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, place_after
 from fenics_mortar.rigid.proximal import RIGID, unresisted
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SOLVED, SUM_ROUNDING, Array, Flags, Indices
-from fenics_mortar.utils.errors import format_point
+from fenics_mortar.utils.errors import NotFiniteError, format_point
 from fenics_mortar.utils.ranks import any_over_ranks, largest_over_ranks
 
 if TYPE_CHECKING:
@@ -75,16 +75,16 @@ class HeldBodies:
 
     Attributes:
         prescribed_otherwise: Marks of the dofs with other Dirichlet conditions, (local dofs,).
-        sections: Sections under pretension, with their positions among the remote loads.
+        sections: Sections under pretension.
     """
 
     def __init__(self, bulk: Bulk, remote: Sequence[Any]) -> None:
         conditions = [bc for bc in bulk.bcs if bc not in remote]
-        self._boundaries = [(i, load) for i, load in enumerate(remote) if load in bulk.bcs]
-        self.sections = [(i, load) for i, load in enumerate(remote) if load not in bulk.bcs]
-        self._first = -len(remote)
+        self._remote = list(remote)
+        self._boundaries = [load for load in remote if load in bulk.bcs]
+        self.sections = [load for load in remote if load not in bulk.bcs]
         self.prescribed_otherwise: Flags = mark_prescribed(bulk.space, bulk.u, conditions)
-        self._at: dict[int, list[tuple[int, Any]]] = {}
+        self._at: dict[int, list[Any]] = {}
 
     def links(self, parts: Indices) -> list[Indices]:
         """Pairs of parts with a common rigid boundary, (k, 2) each (collective).
@@ -92,7 +92,7 @@ class HeldBodies:
         Args:
             parts: Part of the mesh of each local node, shape (local nodes,).
         """
-        found = [load.parts_of(parts) for _, load in self._boundaries]
+        found = [load.parts_of(parts) for load in self._boundaries]
         return [np.stack([some[:-1], some[1:]], axis=1) for some in found]
 
     def set_bodies(self, body_of: Indices) -> dict[int, RigidMotion]:
@@ -101,9 +101,9 @@ class HeldBodies:
         Args:
             body_of: Body of each part of the mesh, shape (parts,).
         """
-        for number, load in self._boundaries:
-            self._at.setdefault(int(body_of[load.part]), []).append((number, load))
-        leaders = {label: loads[0][1].motion for label, loads in self._at.items()}
+        for load in self._boundaries:
+            self._at.setdefault(int(body_of[load.part]), []).append(load)
+        leaders = {label: loads[0].motion for label, loads in self._at.items()}
         return {part: leaders[k] for part, k in enumerate(body_of.tolist()) if k in leaders}
 
     def restricted(self, body: FloatingBody) -> FloatingBody:
@@ -111,18 +111,17 @@ class HeldBodies:
         loads = self._loads(body)
         if not loads:
             return body
-        prescribed = [np.isnan(load.motion.load) for _, load, _ in loads]
-        pairs = zip(loads, prescribed, strict=True)
-        return body.without(np.hstack([rates[:, on] for (_, _, rates), on in pairs]))
+        return body.without(
+            np.hstack([rates[:, np.isnan(load.motion.load)] for load, rates in loads])
+        )
 
-    def _loads(self, body: FloatingBody) -> list[tuple[int, Any, Array]]:
-        """Loads of a body: number, load, its motions due to those of the body, (motions, 3) [1]."""
-        found = [(n, load, load.motions_by(body)) for n, load in self._at.get(body.label, ())]
-        at_sections = dict(self.sections)
+    def _loads(self, body: FloatingBody) -> list[tuple[Any, Array]]:
+        """Loads of a body, and their motions due to those of the body, (motions, 3) [1]."""
+        found = [(load, load.motions_by(body)) for load in self._at.get(body.label, ())]
         of_body = body.motions.shape[1] - len(body.sections)
         for column, section in enumerate(body.sections, of_body):
             rates = np.outer(body.motions[:, column], np.eye(of_body)[0])
-            found.append((section.number, at_sections[section.number], rates))
+            found.append((section.load, rates))
         return found
 
     def move(self, body: FloatingBody, coefficients: Array) -> None:
@@ -132,7 +131,7 @@ class HeldBodies:
             body: The body.
             coefficients: Factors of its motions, shape (motions,) [length].
         """
-        for _, load, rates in self._loads(body):
+        for load, rates in self._loads(body):
             change = np.where(np.isfinite(load.motion.load), coefficients @ rates, 0.0)
             load.motion.place = place_after(load.motion.place, change, load.arm)
 
@@ -145,8 +144,9 @@ class HeldBodies:
             motion: Increments of obstacles and remote loads, shape (m, 3) [length]; changed.
                 Empty if all are prescribed.
         """
-        for number, _, rates in self._loads(body) if motion.size else ():
-            motion[self._first + number] -= coefficients @ rates
+        for load, rates in self._loads(body) if motion.size else ():
+            last = self._remote.index(load) - len(self._remote)  # after the obstacles
+            motion[last] -= coefficients @ rates
 
 
 class BodyMotions:
@@ -199,12 +199,12 @@ class BodyMotions:
     ) -> dict[int, list[PartMotion]]:
         """Sections under pretension that separate bodies, by the labels of these."""
         found: dict[int, list[PartMotion]] = {}
-        for number, load in self.held.sections:
+        for load in self.held.sections:
             section = ties.index(load.tie)
             side, _ = join_bodies(self.num_parts, [*links[:section], *links[section + 1 :]])
             slave, master = (int(self.parts_of(s)[0]) for s in (load.tie.slave, load.tie.master))
             if side[slave] != side[master]:
-                motion = PartMotion(load.motion.name, number, load.axis, side == side[slave])
+                motion = PartMotion(load, side == side[slave])
                 found.setdefault(int(self._body_of[slave]), []).append(motion)
         return found
 
@@ -310,9 +310,22 @@ class BodyMotions:
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
         """Rigid part of ``change`` (owned dofs,) of a body, shape (motions,) [length]."""
         dofs, motions = self.motions(body)
-        coefficients = motions @ change[dofs].ravel()
-        products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, coefficients]))
-        return np.linalg.solve(products[:, :-1], products[:, -1])
+        lower = self.factor(body, motions)
+        along = np.linalg.solve(lower, self.bulk.comm.allreduce(motions @ change[dofs].ravel()))
+        return np.linalg.solve(lower.T, along)
+
+    def factor(self, body: FloatingBody, motions: Array) -> Array:
+        """Cholesky's factor [1] of the products of a body's motions at owned dofs (collective).
+
+        Raises:
+            NotFiniteError: On all ranks, if the motions are dependent to rounding: an iteration has
+                thrown the body so far away that its turns are lost beside its distance.
+        """
+        try:
+            return np.linalg.cholesky(self.bulk.comm.allreduce(motions @ motions.T))
+        except np.linalg.LinAlgError:
+            name = self.name_of(body.label)
+            raise NotFiniteError(f"{name} is far away from its place at the start") from None
 
     # Forces
 
@@ -544,11 +557,6 @@ def _largest_work(loads: Array, touching: Touching, slips: Array) -> Array:
     return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
 
 
-def _one_by_one(response: Response, f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Responses to several motions from that to one (local)."""
-    return np.array([response(f, *both) for both in zip(on_slave, on_master, strict=True)])
-
-
 def closing(bodies: BodyMotions, contact: Contact, *some: FloatingBody) -> Array:
     """Closing rates of the mean gaps due to rigid motions, (motions of all, slave nodes) [1]."""
     return -_responses(bodies, contact, some, gap_rate)
@@ -560,12 +568,12 @@ def slipping(bodies: BodyMotions, contact: Contact, *some: FloatingBody) -> Arra
     In space those along two tangents, (motions, slave nodes, 2).
     """
     components = () if contact.slave.dim == 2 else (contact.slave.dim - 1,)
-    return _responses(bodies, contact, some, partial(_one_by_one, slip_rate), components)
+    return _responses(bodies, contact, some, slip_rate, components)
 
 
 def opening(bodies: BodyMotions, contact: Contact, *some: FloatingBody) -> Array:
     """Opening rates of the nodes along n due to rigid motions, (motions of all, nodes) [1]."""
-    return _responses(bodies, contact, some, partial(_one_by_one, opening_rate))
+    return _responses(bodies, contact, some, opening_rate)
 
 
 def pairs_joined(M: Any, slave: Indices, master: Indices) -> Indices:
@@ -584,6 +592,16 @@ def nearly_touching(contact: Contact) -> Flags:
     gap = np.nan_to_num(contact.now.closing_gap, nan=np.inf)
     near = gap < RIGID.overlap * contact.slave.nodal_lengths
     return np.asarray(near & contact.multiplier_nodes)
+
+
+def touches(contact: Contact) -> Flags:
+    """Active nodes and, if there are any, open ones that nearly touch, (slave nodes,) (local).
+
+    Open nodes with adhesion do not: their forces are loads.
+    """
+    on = contact.active & ~contact.set_aside
+    near = nearly_touching(contact) & ~contact.z.any(axis=1) & ~contact.set_aside
+    return on | near if on.any() else on
 
 
 def bonded_motions(bodies: BodyMotions, some: Sequence[FloatingBody]) -> list[FloatingBody]:

@@ -22,9 +22,9 @@ end of the path of solutions from the last accepted state, s = 0, to the present
     w = (1 - s) q_0 + s q + M z >= 0,    z >= 0,    w . z = 0,
 
 with q_0 such that the accepted multipliers solve the problem at s = 0. The path is piecewise
-linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5).
-
-The vector closest to another one that satisfies linear inequalities: a move without overlaps.
+linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5). Lemke's method is the same
+path from q_0 = q + |q| d > 0 with z = 0, a covering vector d, and z_0 = (1 - s) |q|, on which
+s may also decrease.
 
 Where s would have to decrease, the path has a turning point: there is no solution nearby for larger
 loads, and the solution at s = 1 is reached by a jump. The start of a step is a corner of the path,
@@ -32,6 +32,8 @@ because all slips are zero: a node at its friction limit may stick or continue t
 gaps and pressures of two surfaces that just touch are zero. The directions of the path follow from
 a complementarity problem of the rates. If it has no solution, there is no equilibrium next to the
 accepted state (Klarbring 1990).
+
+The vector closest to another one that satisfies linear inequalities: a move without overlaps.
 """
 
 from __future__ import annotations
@@ -136,33 +138,13 @@ def lemke(M: Array, q: Array) -> Flags | None:
         Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_STEPS`` pivots per
         variable.
     """
-    n = q.size
     if not (q < 0.0).any():
-        return np.zeros(n, bool)
+        return np.zeros(q.size, bool)
     # Covering vector in general position, so that ties in the ratio test do not occur.
-    relaxed = 1.0 + np.random.default_rng(0).uniform(0.0, 1.0, n)
-    table = np.asfortranarray(np.column_stack([M, relaxed, q / np.abs(q).max()]))
-    # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, z_0 is 2 n.
-    rows, columns, z_0 = np.arange(n), np.arange(n, 2 * n + 1), 2 * n
-    row, column = int(np.argmin(q / relaxed)), n
-    for _ in range(MAX_STEPS * n):
-        table = exchange(table, row, column)
-        left, rows[row], columns[column] = rows[row], columns[column], rows[row]
-        if left == z_0:
-            return np.isin(np.arange(n, 2 * n), rows)
-        last = int(np.flatnonzero(rows == z_0)[0])
-        pair = np.flatnonzero(np.isin(columns, (left, (left + n) % z_0)))
-        if table[last, -1] <= SUM_ROUNDING:  # either of the pair replaces z_0: the larger pivot
-            rows[last] = columns[pair[np.argmax(np.abs(table[last, pair]))]]
-            return np.isin(np.arange(n, 2 * n), rows)
-        column = int(pair[columns[pair] != left][0])
-        falls = table[:, column]
-        falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
-        if not falling.size:
-            return None
-        ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
-        row = int(falling[np.argmin(ways)])
-    return None
+    relaxed = 1.0 + np.random.default_rng(0).uniform(0.0, 1.0, q.size)
+    q = q / np.abs(q).max()  # the parameter has the unit one
+    end = _follow(M, q + relaxed, q, np.zeros(q.size, bool), may_return=True)
+    return None if isinstance(end, TurningPoint) else end
 
 
 def exchange(table: Array, row: int, column: int) -> Array:
@@ -255,10 +237,13 @@ def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
     return basic
 
 
-def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | TurningPoint:
+def _follow(
+    M: Array, q_0: Array, q: Array, basic: Flags, *, may_return: bool = False
+) -> Flags | TurningPoint:
     """Basic z at s = 1, from those at s = 0, or the turning point where s would decrease (local).
 
-    The ``node`` of the turning point is the number of an unknown in z.
+    The ``node`` of the turning point is the number of an unknown in z. If s ``may_return``, as in
+    Lemke's method, the path is followed to its end, and its turning point is that of a ray.
     """
     n = q.size
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, s is 2 n.
@@ -269,19 +254,25 @@ def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | TurningPoin
         table = np.asfortranarray(np.linalg.solve(np.where(basic, -M, np.eye(n)), given))
     except np.linalg.LinAlgError:
         return TurningPoint(0.0, -1)
-    at, column = -1, n
+    at, column, before = -1, n, n
     for _ in range(MAX_STEPS * n):
         falls = table[:, column]
         now, grows = (table[at, -1], falls[at]) if at >= 0 else (0.0, 1.0)
-        if not grows > 0.0:
+        if may_return and now >= 1.0 - SUM_ROUNDING:  # either of the pair: the larger pivot
+            rows[at] = columns[max((column, before), key=lambda k: abs(table[at, k]))]
+            return np.isin(z, rows)
+        rounding = SUM_ROUNDING * np.abs(falls).max()
+        falling = np.flatnonzero(falls < -rounding)
+        falling = falling[falling != at]
+        advances = grows > (rounding if may_return else 0.0)
+        if not advances and not (may_return and falling.size):
             return TurningPoint(float(now), int(columns[column]) % n)
-        falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
-        if now + grows * ways.min(initial=np.inf) >= 1.0:
+        if advances and now + grows * ways.min(initial=np.inf) >= 1.0:
             if at >= 0:
                 rows[at] = columns[column]
             return np.isin(z, rows)
-        row = int(falling[np.argmin(ways)])
+        row, before = int(falling[np.argmin(ways)]), column
         table = exchange(table, row, column)
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         at = int(np.flatnonzero(rows == s)[0])

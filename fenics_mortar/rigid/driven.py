@@ -48,6 +48,7 @@ from fenics_mortar.obstacles.rigid_motion import (
     motion_between,
     place_after,
 )
+from fenics_mortar.rigid.body_motions import Touching, touches, unresisted_motion
 from fenics_mortar.rigid.complementarity import closest_move
 from fenics_mortar.rigid.proximal import (
     RIGID,
@@ -59,7 +60,7 @@ from fenics_mortar.rigid.proximal import (
     unresisted,
 )
 from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, solve_bordered
-from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags
+from fenics_mortar.utils.arrays import ROUNDING, SUM_ROUNDING, Array, Flags
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -79,13 +80,13 @@ def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
     """
     o = contact.on_obstacle
     V = np.moveaxis(o.obstacle.motions(o.x, o.arm), 1, 0)
-    return -np.stack([contact.now.along_tangents(each) for each in V], axis=-1)[nodes]
+    return -np.moveaxis(contact.now.along_tangents(V), 0, -1)[nodes]
 
 
 def _slip(contact: Contact) -> Array:
     """Slip of the nodes, (nodes,) [length]; in space along both tangents, (nodes, 2)."""
     now = contact.now
-    return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.slip_in_space)
+    return contact.slip if contact.slave.dim == 2 else now.along_tangents(now.surface_slip)
 
 
 def _width(contacts: Sequence[Contact]) -> float:
@@ -294,11 +295,6 @@ class DrivenMotions:
         return found
 
     @property
-    def loads(self) -> Array:
-        """Pushes where a solve determines a motion, else places, shape (m, 3) [their units]."""
-        return np.where(self.found, self.push(), self.places)
-
-    @property
     def driven_obstacles(self) -> Flags:
         """Whether forces drive a motion of an obstacle, shape (obstacles, 3), bool."""
         return self.driven[: len(self.obstacles)]
@@ -363,14 +359,12 @@ class DrivenMotions:
 
     def residual(self) -> Array:
         """f_q plus springs minus push, else 0, (m, 3) [stress length] (collective)."""
-        if not self.movers:
-            return np.zeros(self.scales.shape)
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
 
     def solve(
         self, x: Array, system: LinearSystem, stiffness: float, force: float
     ) -> tuple[Array, Array]:
-        """Solve for displacements, multipliers and motions (collective).
+        """Solve for displacements, multipliers and motions if these ``are_unknown`` (collective).
 
         Args:
             x: Solution of the system without motions, see ``LinearSystem.step``.
@@ -382,16 +376,15 @@ class DrivenMotions:
             The solution with motions, as ``x``, and the motions, shape (m, 3) [length].
         """
         driven, motion = self.driven, np.zeros(self.scales.shape)
-        if self.are_unknown:
-            border, count = border_of(self, system), self.scales.size
-            border.corner[:count, :count] += self._stiffness_of_springs(stiffness, force)
-            border = border.restricted_to(self.unknowns)
-            push, c = self.push() - self._spring_forces(), np.zeros(len(border.corner))
-            for on_mover, load in zip(push[len(self.obstacles) :], self.remote, strict=True):
-                on_mover -= load.constant_force()
-            c[: driven.sum()] = push[driven]
-            x, found = solve_bordered(system.solve, border, x, c, system.comm)
-            motion[driven] = found[: driven.sum()]
+        border, count = border_of(self, system), self.scales.size
+        border.corner[:count, :count] += self._stiffness_of_springs(stiffness, force)
+        border = border.restricted_to(self.unknowns)
+        push, c = self.push() - self._spring_forces(), np.zeros(len(border.corner))
+        for on_mover, load in zip(push[len(self.obstacles) :], self.remote, strict=True):
+            on_mover -= load.constant_force()
+        c[: driven.sum()] = push[driven]
+        x, found = solve_bordered(system.solve, border, x, c, system.comm)
+        motion[driven] = found[: driven.sum()]
         return x, motion
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
@@ -433,16 +426,13 @@ class DrivenMotions:
             stiffness: Stiffness of the bulk [stress].
             share: See ``elongation`` [1].
         """
-        count = len(self.obstacles)
-        springs = anchored_stiffness(
-            np.linalg.norm(self.residual()[:count], axis=1),
-            share * RIGID.negligible * self.contact_forces(),
-            elongation * self.shortest_facet(),
-            np.asarray(stiffness),
-        )
-        driven = np.zeros(self.scales.shape)
-        driven[:count] = np.where(self.driven_obstacles, springs[:, None], 0.0)
-        self.springs = Springs(driven, self.places)
+        drives, length = self.residual(), elongation * self.shortest_facet()
+        springs = np.zeros(self.scales.shape)
+        for number, contact in enumerate(self.contact_forces()):
+            drive, err = float(np.linalg.norm(drives[number])), share * RIGID.negligible * contact
+            spring = anchored_stiffness(drive, err, length, stiffness)
+            springs[number, self.driven[number]] = spring
+        self.springs = Springs(springs, self.places)
 
     def max_motion(self) -> float:
         """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
@@ -467,12 +457,6 @@ class DrivenMotions:
             )
             for i in np.flatnonzero(self.driven_obstacles.any(axis=1))
         ]
-
-    def spring_energy(self) -> float:
-        """Energy of the anchored springs [stress length^2]."""
-        if self.springs is None:
-            return 0.0
-        return 0.5 * float((self._spring_forces() * self.motions_since(self.springs.anchor)).sum())
 
     def _spring_forces(self) -> Array:
         """Forces of the anchored springs, zero without, (m, 3) [stress length]."""
@@ -554,7 +538,7 @@ class DrivenMotions:
         contacts = self.contacts_of(number)
         driven, push = self.driven[number], self.push()[number]
         loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
-        if loaded or not push.any():
+        if loaded or not push.any() or self._may_be_held(number):
             return np.zeros(push.size)
         basis = np.eye(push.size)[driven]
         along = (basis @ push) / np.linalg.norm(push)
@@ -564,6 +548,30 @@ class DrivenMotions:
         if move @ along > RIGID.sliver * self.shortest_facet():
             return move @ basis
         return np.zeros(push.size)
+
+    def _may_be_held(self, number: int) -> bool:
+        """Whether friction may hold an obstacle against its push, by limit analysis (local).
+
+        Not where nothing presses: the push closes no touching node, and none overlaps.
+        """
+        contacts, driven = self.contacts_of(number), self.driven[number]
+        pairs = [(c, touches(c)) for c in contacts]
+        weight = sum(float(c.operators.weight[on].sum()) for c, on in pairs)
+        if weight == 0.0 or not any(c.pair.law.has_friction for c in contacts):
+            return False
+        push = self.push()[number, driven]
+        found, size, presses = [], float(np.linalg.norm(push)), False
+        for c, on in pairs:
+            slope, shear = c.now.strength(size / weight)
+            opens, slips = gap_by_motions(c.now)[on], slip_by_motions(c, on)
+            overlaps = c.now.closing_gap < -ROUNDING * c.slave.nodal_lengths
+            presses |= bool(
+                (opens[:, driven] @ push < -ROUNDING * size).any() or overlaps[on].any()
+            )
+            forces = c.operators.weight * [shear, c.now.largest_adhesion()]
+            found.append((opens[:, driven], slips[..., driven], slope[on], *forces[:, on]))
+        touching = Touching(*map(np.concatenate, zip(*found, strict=True)))
+        return presses and not unresisted_motion(push, touching).any()
 
     def slide_along_driven(self) -> float:
         """Largest slide of obstacles along driven motions, over their contact width [1] (local).

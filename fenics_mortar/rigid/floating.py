@@ -33,9 +33,9 @@ from fenics_mortar.rigid.body_motions import (
     Touching,
     by_body,
     closing,
-    nearly_touching,
     opening,
     slipping,
+    touches,
     unresisted_motion,
 )
 from fenics_mortar.rigid.complementarity import closest_move, nearest_below
@@ -93,7 +93,7 @@ def settle(
             moves.
 
     Returns:
-        A sentence for each body that was moved.
+        A sentence for each body that was moved, with its way [length].
 
     Raises:
         NotConvergedError: On all ranks, if no contact stops a body.
@@ -104,30 +104,23 @@ def settle(
         return []
     moved, creeping, extent = dict[int, float](), 0, bodies.extent(bodies.bulk.positions())
     shortest = RIGID.overlap**2 * bodies.shortest_facet()
-    begins = dict[int, list[Callable[[], str]]]()
+    begins = dict[int, str]()
     for number in range(RIGID.max_moves):
         forces = evaluate()
         if number == 0:
             bodies.settling.touched = [contact.active.copy() for contact in bodies.contacts]
         moves = give_way(_next_moves(bodies, *forces, begun=number > 0))
         moves = [(body, move) for body, move in moves if np.linalg.norm(move) > shortest]
-        on = [(c, _touches(c)) for c in bodies.contacts if moves]
-        touching = [
-            body.label
-            for body, _ in moves
-            if any((bodies.at_body(c, body) & nodes).any() for c, nodes in on)
-        ]
-        limits = _limit_analysis(bodies, forces[0]) if touching else ()
-        for label in touching:
-            found = _beginning(bodies, label, *limits, may_tip=number == 0)
-            begins.setdefault(label, []).append(found)
+        untold = {body.label for body, _ in moves} - begins.keys()
+        begins |= _beginnings(bodies, untold, forces[0], may_tip=number == 0)
         longest = max((_length(body, move) for body, move in moves), default=0.0)
         creeping = creeping + 1 if RIGID.overlap * longest <= shortest else 0
         if not moves or creeping > RIGID.max_creeping:
             bodies.settling.start = bodies.bulk.values.copy()
             bodies.settling.moved = [body for body in bodies.bodies if body.label in moved]
-            names = sorted(bodies.name_of(label) for label in sorted(moved))
-            return [f"{name} was moved rigidly until contact stopped it" for name in names]
+            ways = sorted((bodies.name_of(label), moved[label]) for label in sorted(moved))
+            stopped = "was moved rigidly until contact stopped it"
+            return [f"{name} {stopped}, by about {way:.2g}" for name, way in ways]
         for body, move in moves:
             bodies.move(body, move)
             moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
@@ -135,61 +128,56 @@ def settle(
             break
     body, move = moves[0]
     name, how = bodies.name_of(body.label), body.describe(move, directed=True)
-    told = (begun() for begun in begins.get(body.label, []))
-    first = next((text for text in told if text), "")
     message = (
-        f"{first}{name} can {how} freely: it is driven by loads, and "
+        f"{begins.get(body.label, '')}{name} can {how} freely: it is driven by loads, and "
         f"neither Dirichlet conditions nor contact stop it"
     )
     raise NotConvergedError(message, NewtonReport(reason=message))
 
 
-def _beginning(
-    bodies: FloatingBodies, label: int, loads: Array, touching: Touching, *, may_tip: bool
-) -> Callable[[], str]:
-    """Function that tells how a body that touches others begins to tip over or to slide.
+def _beginnings(
+    bodies: FloatingBodies, labels: set[int], bulk: Array, *, may_tip: bool
+) -> dict[int, str]:
+    """How bodies that touch others begin to tip over or to slide, in words, by their labels.
 
     Without friction loads accelerate bodies in the nearest direction to the loads that no
     contact stops. A body that leaves all nodes by it is pulled off. Others tip over if limit
     analysis of the present state moves them at a coefficient of friction ``ROUGH``, or slide in
-    that direction.
+    that direction, unless others carry them along.
 
     Args:
         bodies: The floating bodies.
-        label: Of the body.
-        loads: Resultants on all bodies, see ``_limit_analysis``.
-        touching: Touching nodes.
+        labels: Of the bodies to tell of.
+        bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
         may_tip: Whether to tell of tipping. A body that falls rolls until it lies on a side.
-
-    Returns:
-        Function without arguments; "" if the body does not move, or leaves all that it touches.
     """
-    name = bodies.name_of(label)
-    ((number, body),) = (each for each in enumerate(bodies.bodies) if each[1].label == label)
-    at_body = [(c, bodies.at_body(c, body) & _touches(c)) for c in bodies.contacts]
-    closes = np.hstack([closing(bodies, c, body)[:, on] for c, on in at_body])
-
-    def begins() -> str:
-        found, _ = nearest_below(loads, -touching.opening, np.zeros(len(touching.opening)))
-        free = loads if found is None else found
-        least, slide = RIGID.resisted * np.abs(free).max(), by_body(bodies.bodies, free)[number]
-        if (slide @ closes).max() < -least:
-            return ""  # pulled off
-        rough = touching._replace(slope=np.maximum(touching.slope, ROUGH))
-        motion = by_body(bodies.bodies, unresisted_motion(loads, rough))[number]
-        what = "tips over, which no friction can prevent"
-        if np.abs(motion).max() <= RIGID.resisted:
-            motion = slide
-            if found is None or np.abs(motion).max() <= least:
-                return ""  # carried along by others
-            rubs = touching.slope.any() or touching.shear.any()
-            what = "friction is too small to hold it" if rubs else "no friction holds it"
-            what = f"slides, and {what}"
-        elif not may_tip:
-            return ""
-        how = body.describe(motion, directed=True, poles=True)
-        return f"{name} {what}: it begins to {how}. At last "
-
+    if not labels:
+        return {}
+    touching, closes = [(c, touches(c)) for c in bodies.contacts], dict[int, Array]()
+    for body in (body for body in bodies.bodies if body.label in labels):
+        at_body = [closing(bodies, c, body)[:, bodies.at_body(c, body) & on] for c, on in touching]
+        if any(rates.size for rates in at_body):
+            closes[body.label] = np.hstack(at_body)
+    if not closes:
+        return {}
+    loads, nodes = _limit_analysis(bodies, bulk)
+    found, _ = nearest_below(loads, -nodes.opening, np.zeros(len(nodes.opening)))
+    free = loads if found is None else found
+    tips = unresisted_motion(loads, nodes._replace(slope=np.maximum(nodes.slope, ROUGH)))
+    of_bodies = bodies.bodies, by_body(bodies.bodies, tips), by_body(bodies.bodies, free)
+    least, begins = RIGID.resisted * np.abs(free).max(), dict[int, str]()
+    friction = "too little friction" if nodes.slope.any() or nodes.shear.any() else "no friction"
+    for body, tip, slide in zip(*of_bodies, strict=True):
+        if body.label not in closes or (slide @ closes[body.label]).max() < -least:
+            continue  # pulled off
+        motion, what = slide, f"slides, with {friction} to hold it"
+        is_told = found is not None and np.abs(slide).max() > least  # not carried along by others
+        if np.abs(tip).max() > RIGID.resisted:
+            motion, what, is_told = tip, "tips over, which no friction can prevent", may_tip
+        if is_told:
+            how = body.describe(motion, directed=True, poles=True)
+            name = bodies.name_of(body.label)
+            begins[body.label] = f"{name} {what}: it begins to {how}. At last "
     return begins
 
 
@@ -352,7 +340,7 @@ def _pull_of_open_nodes(bodies: FloatingBodies, size: int) -> Array:
 
 def _touching(bodies: FloatingBodies, contact: Contact, pressure: float) -> Touching:
     """Touching nodes for limit analysis, with friction at a typical pressure."""
-    on, weight = _touches(contact), contact.operators.weight
+    on, weight = touches(contact), contact.operators.weight
     opens, slips = (
         np.moveaxis(rate(bodies, contact, *bodies.bodies), 0, -1)[on]
         for rate in (opening, slipping)
@@ -369,16 +357,6 @@ def _part(bodies: FloatingBodies, moves: Moves) -> bool:
         (np.concatenate(lengths) @ closing(bodies, c, *some))[~c.set_aside] for c in bodies.contacts
     ]
     return not any((rate > longest).any() for rate in rates)
-
-
-def _touches(contact: Contact) -> Flags:
-    """Active nodes and, if there are any, open ones that nearly touch, (slave nodes,) (local).
-
-    Open nodes with adhesion do not: their forces are loads.
-    """
-    on = contact.active & ~contact.set_aside
-    near = nearly_touching(contact) & ~contact.z.any(axis=1) & ~contact.set_aside
-    return on | near if on.any() else on
 
 
 def _length(body: FloatingBody, move: Array) -> float:
@@ -490,15 +468,17 @@ class FloatingBodies(BodyMotions):
                 ``share`` of the error of its contact forces if larger [shortest facets].
             share: See ``elongation`` [1].
         """
-        bodies, length = self.bodies, elongation * self.shortest_facet()
-        stiffness = anchored_stiffness(
-            np.array([np.linalg.norm(self.resultant(body, total)) for body in bodies]),
-            np.array([share * RIGID.normals_err * self.contact_force(body) for body in bodies]),
-            length,
-            np.array([body.stiffest for body in bodies]),
-        )
-        springs = {body.label: float(k) for body, k in zip(bodies, stiffness, strict=True)}
-        self.springs = Springs(self._spread(springs), self._place())
+        length = elongation * self.shortest_facet()
+        stiffness = {
+            body.label: anchored_stiffness(
+                float(np.linalg.norm(self.resultant(body, total))),
+                share * RIGID.normals_err * self.contact_force(body),
+                length,
+                body.stiffest,
+            )
+            for body in self.bodies
+        }
+        self.springs = Springs(self._spread(stiffness), self._place())
 
     @property
     def anchored(self) -> bool:
@@ -519,14 +499,13 @@ class FloatingBodies(BodyMotions):
     def add_spring_forces(self) -> None:
         """Add the forces of anchored springs to the residual."""
         if self.anchored:
-            forces, _ = self._stretched()
-            self.bulk.r.array[: self.bulk.num_owned] += forces
+            self.bulk.r.array[: self.bulk.num_owned] += self._spring_forces()
 
     def carried_by_springs(self) -> list[Carried]:
         """Forces of the springs on each anchored body."""
         if not self.anchored:
             return []
-        (forces, _), found = self._stretched(), []
+        forces, found = self._spring_forces(), []
         contact = [self.contact_force(body) for body in self.bodies]
         for body, on_body in zip(self.bodies, contact, strict=True):
             by_springs = -self.resultant(body, forces)  # along the motion
@@ -551,18 +530,11 @@ class FloatingBodies(BodyMotions):
             if RIGID.one_sided < carried.fraction < np.inf
         }
 
-    def spring_energy(self) -> float:
-        """Energy of the anchored springs [stress length^2]."""
-        if not self.anchored:
-            return 0.0
-        return self.bulk.comm.allreduce(0.5 * float(np.dot(*self._stretched())))
-
-    def _stretched(self) -> tuple[Array, Array]:
-        """Forces of the acting springs and their elongations, each (owned dofs,)."""
+    def _spring_forces(self) -> Array:
+        """Forces of the acting springs, (owned dofs,) [stress length]."""
         springs = self.acting_springs
         assert springs is not None
-        elongation = self._place() - springs.anchor
-        return springs.stiffness * elongation, elongation
+        return springs.stiffness * (self._place() - springs.anchor)
 
     def max_motion(self) -> float:
         """Largest rigid motion of a body since ``anchor`` [shortest facets]."""

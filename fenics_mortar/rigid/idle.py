@@ -59,7 +59,8 @@ class IdleBodies:
     # A solve
 
     def reset(self, *, may_be_aside: bool) -> None:
-        """Begin an attempt to solve, in which bodies may be set aside or not (local)."""
+        """Begin an attempt to solve, in which bodies may be set aside or not."""
+        self.end()
         self.were_aside, self._may_be_aside = False, may_be_aside
 
     def evaluate(self, evaluate: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
@@ -195,10 +196,9 @@ class IdleBodies:
         ]
 
     def end(self) -> None:
-        """End the solve."""
+        """End a solve or an attempt."""
         bodies = self._bodies
-        if bodies.springs is not None:
-            bodies.springs = bodies.acting_springs
+        bodies.springs = bodies.acting_springs
         self._unloaded, self._first, self._driven = [], set(), set()
         self._set_aside(())
 

@@ -136,6 +136,15 @@ class Carried(NamedTuple):
     slides: bool
     how: str
 
+    def __str__(self) -> str:
+        """The force in words."""
+        force = (
+            f"springs carry {self.fraction:.1e} of the contact force on {self.name}"
+            if np.isfinite(self.fraction)
+            else f"springs carry all forces on {self.name}, which no contact force acts on"
+        )
+        return force + f", without which it would {self.how}" * (self.how != "")
+
 
 class Nearest(NamedTuple):
     """The first state on a way where springs carry about the least, if this is negligible.
@@ -360,19 +369,19 @@ class Springs(Value):
     anchor: Array
 
 
-def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array) -> Array:
-    """Stiffness of springs with a given elongation under given forces, (n,) [stress] (local).
+def anchored_stiffness(drive: float, err: float, length: float, stiffness: float) -> float:
+    """Stiffness of a spring with a given elongation under given forces [stress] (local).
 
     Args:
-        drive: Forces that drive the motions, shape (n,) [stress length].
-        err: Discretization error of these forces, shape (n,) [stress length].
-        length: Elongation of the springs under the larger of both [length].
-        stiffness: Stiffness of the bulk, shape (n,) or () [stress]; springs of bodies without
-            forces have the fraction ``RIGID.weakest_spring`` of it.
+        drive: Force that drives the motions [stress length].
+        err: Discretization error of this force [stress length].
+        length: Elongation of the spring under the larger of both [length].
+        stiffness: Stiffness of the bulk [stress]; the spring of a body without force has the
+            fraction ``RIGID.weakest_spring`` of it.
     """
-    springs = np.maximum(drive, err) / length
-    forceless = springs < RIGID.weakest_anchor * stiffness
-    return np.where(forceless, RIGID.weakest_spring * stiffness, springs)
+    spring = max(drive, err) / length
+    is_forceless = spring < RIGID.weakest_anchor * stiffness
+    return RIGID.weakest_spring * stiffness if is_forceless else spring
 
 
 def carried_by(

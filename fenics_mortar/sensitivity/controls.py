@@ -16,7 +16,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import fields_by_shape, gap_by_offset
+from fenics_mortar.sensitivity.partials.fields import fields_by_shape
 from fenics_mortar.sensitivity.partials.history import (
     PairMemory,
     by_parameter,
@@ -101,7 +101,8 @@ class Offset(PairControl):
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective)."""
-        return {"gap": gap_by_offset(contact_of(problem.equations, i).operators)}
+        D, _ = contact_of(problem.equations, i).operators.matrices
+        return {"gap": -D}
 
 
 class Interference(Offset):

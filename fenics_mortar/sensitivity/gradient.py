@@ -417,7 +417,7 @@ def tangent_linear(
     with path.visited():
         value, values, weights = evaluate(path, quantities, over_steps, everywhere=True)
         derivatives, states, kinks = _forwards(path, quantities, made, along)
-    derivative = float((weights * derivatives).sum())
+    derivative = float((weights * derivatives)[weights != 0.0].sum())
     return TangentLinear(value, derivative, values, derivatives, tuple(states), tuple(kinks))
 
 

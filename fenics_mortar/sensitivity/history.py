@@ -27,6 +27,7 @@ import numpy as np
 
 from fenics_mortar.contact.arcs import LEADS
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.obstacles.rigid_motion import at_place
@@ -302,12 +303,11 @@ class StepMemory:
             for i, contact in enumerate(e.contacts)
             if isinstance(contact, Contact) and contact.pair.law.memory
         }
-        rows, own, by_state, by_earlier = (dict[int, Matrix]() for _ in range(4))
-        for i, pair in self._pairs.items():
-            rows[i], own[i], by = pair.rows, pair.by_before, pair.by_fields
-            by_state[i] = through_fields(by, fields_by_state(e.contacts[i], by))
-            if i in history:
-                by_earlier[i] = through_fields(by, history[i].fields)
+        rows = {i: pair.rows for i, pair in self._pairs.items()}
+        own = {i: pair.by_before for i, pair in self._pairs.items()}
+        by = {i: pair.by_fields for i, pair in self._pairs.items()}
+        by_state = {i: through_fields(by[i], fields_by_state(e.contacts[i], by[i])) for i in by}
+        by_earlier = {i: through_fields(by[i], history[i].fields) for i in by if i in history}
         self.residuals = PairOperator(e, rows, BY_PAIR, ROWS)
         self.by_before = PairOperator(e, own, BY_PAIR, BY_PAIR)
         self.by_state = PairOperator(e, by_state, UNKNOWNS, BY_PAIR)
@@ -365,7 +365,7 @@ def fields_before(e: ContactEquations, i: int, contact: Contact, before: State) 
         if state.offset.any():
             operators = operators.minus_offset(state.offset)
         then: ContactFields = type(contact.now)(contact, state, operators)
-        found = contact.partners_at(then)
+        found = find_partners(then)
     o, given = contact.operators, contact.partners
     counts = contact.active | contact.pair.law.bridges_gap  # slip of others is of no effect
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o))[counts].max(initial=0.0)

@@ -499,7 +499,8 @@ def evaluate(
             values of the others are nan otherwise.
 
     Raises:
-        ValueError: If the function returns other shapes.
+        ValueError: If the function returns other shapes, or numbers that are not finite.
+        MortarError: On all ranks, if it depends on a value that is nan.
     """
     problem, shape = path.problem, (len(path.steps), len(quantities))
     first = shape[0] - 1 if over_steps is last and not everywhere else 0
@@ -515,6 +516,15 @@ def evaluate(
                 f"over_steps returned a value of shape {np.shape(value)} and derivatives of shape "
                 f"{weights.shape}: expected a number and the shape {shape}"
             )
+        unknown = np.argwhere(np.isnan(values) & (weights != 0.0)).tolist()
+        if unknown:
+            step, number = unknown[0]
+            raise MortarError(
+                f"quantity {number} has no value in step {step}, as where none of the slave nodes "
+                "of MeanGap faces the master within the search radius"
+            )
+        if not (np.isfinite(value) and np.isfinite(weights).all()):
+            raise ValueError("over_steps returned numbers that are not finite")
     return float(value), values, weights
 
 
@@ -522,7 +532,7 @@ def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
     """Objective and its derivatives with respect to the values, from a user's function (local).
 
     Raises:
-        ValueError: If it is not such a function, or its numbers are not finite.
+        ValueError: If it is not such a function.
     """
     expected = "expected a function of the values that returns a number and an array"
     if not callable(over_steps):
@@ -530,10 +540,7 @@ def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
     found = over_steps(values)
     if not isinstance(found, tuple) or len(found) != 2:
         raise ValueError(f"over_steps returned {found!r}: {expected}")
-    value, weights = found[0], np.asarray(found[1], float)
-    if not (np.isfinite(value).all() and np.isfinite(weights).all()):
-        raise ValueError("over_steps returned numbers that are not finite")
-    return value, weights
+    return found[0], np.asarray(found[1], float)
 
 
 Change = Literal["opens", "closes", "slides", "sticks", "cover"]

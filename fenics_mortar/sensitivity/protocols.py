@@ -534,7 +534,7 @@ class MeanGap(PairQuantity):
     def _of(self, contact: Contact) -> tuple[float, ByFields]:
         """Value, and its derivatives with respect to nodal fields.
 
-        Nan if none of the nodes is covered.
+        Nan and zero if none of the nodes is covered; ``evaluate`` refuses steps where it counts.
         """
         o, counts = contact.operators, contact.covered.astype(float)
         if self.nodes is not None:
@@ -543,9 +543,10 @@ class MeanGap(PairQuantity):
                     f"nodes: pair {self.pair} has the slave nodes 0 to {counts.size - 1}"
                 )
             counts *= np.isin(np.arange(counts.size), self.nodes)
-        total = float(counts @ o.weight)
-        mean, size = float(counts @ o.gap) / total if total else np.nan, total or 1.0
-        return mean, {"weight": -mean / size * counts, "gap": counts / size}
+        total = float(counts @ o.weight) or 1.0
+        mean = float(counts @ o.gap) / total
+        by = {"weight": -mean / total * counts, "gap": counts / total}
+        return mean if counts.any() else np.nan, by
 
 
 class FrictionWork(PairQuantity):

@@ -129,6 +129,7 @@ class Certificate(Markdown):
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
         unsupported: Bodies that nothing holds and their free motions, as messages.
         inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
+        rounded: Bodies whose reactions are inexact by rounding, as messages.
         dim: Dimension of the bodies.
     """
 
@@ -145,6 +146,7 @@ class Certificate(Markdown):
     tipping: list[str] = field(default_factory=list)
     unsupported: list[str] = field(default_factory=list)
     inverted_nodes: str = ""
+    rounded: list[str] = field(default_factory=list)
     dim: int = 2
 
     @property
@@ -206,6 +208,9 @@ class Certificate(Markdown):
         )
         at_nodes = [self.inverted_nodes] * (self.inverted_nodes != "")
         yield from _counted("inverted_nodes", "cells inverted at nodes alone", at_nodes, remark=0)
+        yield from _counted(
+            "rounded", "bodies whose reactions are inexact by rounding", self.rounded, remark=0
+        )
         yield from _counted("unsupported", "bodies that nothing holds", self.unsupported, remark=0)
         for crossing in self.crossings:
             limits = crossing.admitted, crossing.remark
@@ -252,10 +257,24 @@ def certify(
         pairs.append(PairCertificate(names, tuple(found)))
     raise_stored(bulk.comm, contacts)
     # tied bodies are not joined: springs may pull these against each other
-    balance = balance_of_bodies(bulk, contacts, floating.parts, unbalanced)
+    balance, of_bodies = balance_of_bodies(bulk, contacts, floating.parts, unbalanced)
+    rounded = _rounded_bodies(floating, of_bodies)
     at_nodes, dim = bulk.describe_inverted_nodes(), bulk.space.dim
-    whole = Certificate(pairs, balance, inverted, inverted_nodes=at_nodes, dim=dim)
+    whole = Certificate(pairs, balance, inverted, inverted_nodes=at_nodes, rounded=rounded, dim=dim)
     return agreed(bulk.comm, whole)
+
+
+def _rounded_bodies(floating: FloatingBodies, imbalances: Array) -> list[str]:
+    """Sentences on bodies out of balance by these numbers (bodies,) [1] (collective)."""
+    comm = floating.bulk.comm
+    labels, imbalances = comm.bcast((np.flatnonzero(imbalances > LIMITS.negligible), imbalances))
+    return [
+        f"forces on {floating.name_of(label, floating.parts)} balance to {imbalances[label]:.1g} "
+        "of the contact forces only: it is so stiff that internal forces are rounded by as much. "
+        "Its reactions are inexact, contact forces and reactions of softer bodies are not; take a "
+        "softer material, or a rigid obstacle in its place"
+        for label in labels.tolist()
+    ]
 
 
 def _crossed(

@@ -26,7 +26,7 @@ finds the points inside bodies, ``space_admitted`` the depths that the discretiz
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -47,7 +47,6 @@ from fenics_mortar.verify.node_paths import (
     LedBodies,
     RigidPath,
     StepEnds,
-    motion_of,
 )
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
@@ -56,7 +55,7 @@ from fenics_mortar.verify.overlap import (
     depths_of_obstacle,
     slides_little,
 )
-from fenics_mortar.verify.passages import Passages, found_either_way
+from fenics_mortar.verify.passages import Passages, SpacePassages
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
     ALWAYS,
@@ -67,7 +66,7 @@ from fenics_mortar.verify.space_admitted import (
     find_overlaps,
     remark_of,
 )
-from fenics_mortar.verify.space_passages import SpacePassages, SpacePaths, obstacles_in_space
+from fenics_mortar.verify.space_passages import SpacePaths, obstacles_in_space
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -294,8 +293,7 @@ class Crossings:
                 ends = x[o.segments[mine]].reshape(-1, 2)
                 near = ((x[at] >= ends.min(axis=0)) & (x[at] <= ends.max(axis=0))).all(axis=1)
                 others = np.flatnonzero(near & alone[at] & (bodies[at] != body))
-                given = x, o.segments[mine], of_segments[mine], body, x[at[others]]
-                inside[others] |= depths_inside(*given)[:, 0] > 0.0
+                inside[others] |= depths_inside(x, o.segments[mine], x[at[others]])[:, 0] > 0.0
             found.append(np.unique(o.nodes[at[inside]]))
         return found
 
@@ -353,13 +351,14 @@ class Crossings:
         Args:
             places: Present positions of the obstacles, shape (obstacles, 3).
         """
-        return self.in_step.find(self._ends(places, self.led.leading(self.accepted)), self._allowed)
-
-    def _ends(self, places: Array, known: dict[int, RigidPath]) -> StepEnds:
-        """Both ends of the step, with the obstacles at ``places`` now."""
         x0, x1, before = self.accepted.x, self._positions(), self.accepted.places
         doubtful = self.led.parts(self.led.doubtful(x0, x1))
-        return StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
+        ends = StepEnds(x0, x1, self._prescribed, before, places, self._known(), doubtful)
+        return self.in_step.find(ends, self._allowed)
+
+    def _known(self) -> dict[int, RigidPath]:
+        """Motions of bodies by rigid boundaries, see ``StepEnds``."""
+        return self.led.leading(self.accepted)
 
 
 # Two bodies that overlap, ascending.
@@ -387,9 +386,10 @@ class SpaceCrossings(Crossings):
         self._in_space = SpaceAdmitted(self.outline, self._contacts)
         self._found_at: tuple[Array, Overlaps] | None = None
         self._excused = self._as_meshed()
-        self._through = SpacePassages(self.outline, self._names, self._excused)
-        given = self.outline, self._names, self._in_space
-        self._obstacles = obstacles_in_space(self._contacts, self._slaves, *given)
+        of_pairs = self._contacts, self._slaves
+        self._obstacles = obstacles_in_space(*of_pairs, self.outline, self._names, self._in_space)
+        given = self.outline, *of_pairs, self._names, self._excused
+        self.in_step = SpacePassages(*given, paths=SpacePaths, obstacles=self._obstacles)
 
     def _at_obstacles(self, x: Array) -> Iterator[Crossing]:
         """The deepest point of each obstacle in each body, over its limit, for each ``Kind``."""
@@ -495,28 +495,6 @@ class SpaceCrossings(Crossings):
             np.unique(self.outline.nodes[nodes[is_node & np.isin(bodies, pair).all(axis=1)]])
             for pair in self._of_pairs
         ]
-
-    def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
-        """Messages on passages, and if there are none on possible ones.
-
-        Of bodies that values turn in space the other sense is examined.
-        """
-        ends = self._ends(places, self._known())
-        if ends.at_rest:
-            return [], []
-        resolution = LIMITS.coarse_distance * float(self.outline.lengths(ends.x1).min())
-        moved = list(zip(self._obstacles, ends.before, places, strict=True))
-        motions = {each.label: motion_of(each.obstacle, *both) for each, *both in moved}
-
-        def messages(backwards: Collection[int]) -> list[str]:
-            paths = SpacePaths(ends, self.outline.bodies, motions, resolution, backwards)
-            found = [] if ends.bodies_rest else self._through.find(paths)
-            for obstacle, place, _ in moved:
-                found += obstacle.passages(paths, self._through, place)
-            return found
-
-        doubtful, found = ends.doubtful, messages(())
-        return found_either_way(found, "sense", messages(doubtful)) if doubtful else (found, [])
 
     def _known(self) -> dict[int, RigidPath]:
         """Motions of bodies by rigid boundaries that their prescribed nodes followed."""

@@ -597,42 +597,45 @@ class Paths:
     Args:
         ends: Both ends of the step.
         bodies: Body of each node, shape (n,).
-        obstacles: Motions of the obstacles.
+        obstacles: Motions of the obstacles, by labels that are no bodies.
         resolution: Largest distance of a path from its straight sections [length].
         other: Whether motions that the ends of the paths do not tell have the other alternative,
             see ``Motions``.
 
     Attributes:
-        motions: Motions of the bodies in space.
+        motions: Motions of the obstacles.
     """
 
     def __init__(
-        self, ends: StepEnds, bodies: Indices, obstacles: Sequence[RigidPath], resolution: float,
-        other: Alternative = "",
+        self, ends: StepEnds, bodies: Indices, obstacles: Mapping[int, RigidPath],
+        resolution: float, other: Alternative = "",
     ) -> None:  # fmt: skip
         self._x0, self._x1, self._resolution, self._known = *ends[:2], resolution, ends.known
+        both = np.concatenate([self._x0, self._x1])
+        self._box = np.stack([both.min(axis=0), both.max(axis=0)])
         labels, of_node = np.unique(bodies, return_inverse=True)
 
         def fit(end: Array, known: Mapping[int, RigidPath] = NONE_KNOWN) -> Motions:
             return Motions(ends._replace(x1=end, known=known), (labels, of_node), other)
 
         self._fit: Callable[..., Motions] = fit
-        self.motions = fit(self._x1, ends.known)
-        leaders = [self.motions.of(i) for i in np.flatnonzero(self.motions.are_led)]
-        self._carriers = [AT_REST, *(c for c in (*obstacles, *leaders) if c.angle)]
+        self.motions = obstacles
+        self._bodies = fit(self._x1, ends.known)
+        leaders = [self._bodies.of(i) for i in np.flatnonzero(self._bodies.are_led)]
+        self._carriers = [AT_REST, *(c for c in (*obstacles.values(), *leaders) if c.angle)]
         self._choose_carriers()
 
     @property
-    def may_differ(self) -> bool:
-        """Whether a body turned so far that its motion may have had another form."""
-        return bool(self._relative.two_ways.any())
+    def alternatives(self) -> Sequence[Alternative]:
+        """Other forms of the motions of bodies that turned too far for the ends to tell."""
+        return ("sense", "centre") if self._relative.two_ways.any() else ()
 
     def _choose_carriers(self) -> None:
         """Find the frame in which each body moves least, and its motion there."""
-        i, led = self.motions.of_node, self.motions.are_led
+        i, led = self._bodies.of_node, self._bodies.are_led
         ends = np.array([carrier.back(self._x1, 1.0) for carrier in self._carriers])
-        distances = np.array([self.motions.distances_to(end) for end in ends])
-        distances[1:, led | self.motions.are_known] = np.inf
+        distances = np.array([self._bodies.distances_to(end) for end in ends])
+        distances[1:, led | self._bodies.are_known] = np.inf
         self._carrier: Indices = distances.argmin(axis=0)
         self._least: Array = distances.min(axis=0)
         self._relative = self._fit(ends[self._carrier[i], np.arange(len(i))], self._known)
@@ -642,49 +645,50 @@ class Paths:
         """Positions of the nodes in space at the time ``t``, 0 to 1, shape (n, 2) [length]."""
         x = self._relative.at(t)
         for k in np.unique(self._carrier):
-            mine = self._carrier[self.motions.of_node] == k
+            mine = self._carrier[self._bodies.of_node] == k
             x[mine] = self._carriers[k].carry(x[mine], t)
         return x
 
-    def frame_of(self, body: int) -> list[RigidPath]:
-        """The frame of the body with the number ``body`` in ``motions.labels``."""
-        return [self._relative.of(body), self._carriers[self._carrier[body]]]
-
-    def seen_from(self, frame: Sequence[RigidPath]) -> Array:
-        """Paths of the nodes in a frame, shape (m + 1, n, 2) [length].
+    def seen_from(self, label: int) -> Array:
+        """Paths of the nodes in the frame of a body or an obstacle, shape (m + 1, n, 2) [length].
 
         Bodies that move less in this frame than in that of their carrier are carried by it.
         """
-        end = _back(frame, self._x1, 1.0)
-        inside = self._fit(end)
-        carried = inside.distances_to(end) < self._least
+        frame = [self.motions[label]] if label in self.motions else self._frame_of(label)
+        end, none = _back(frame, self._x1, 1.0), self._x0[:0]
         carriers = np.array([carrier.angle for carrier in self._carriers])
         angles = np.abs(carriers[self._carrier]) + np.abs(self._relative.angles)
         angles += sum(abs(rotation.angle) for rotation in frame)
+        if not self._times(angles.max(initial=0.0), frame, none).size:
+            return np.array([self._x0, end])  # straight, whatever carries the bodies
+        inside = self._fit(end)
+        carried = inside.distances_to(end) < self._least
         angle = float(np.where(carried, np.abs(inside.angles), angles).max(initial=0.0))
         along, carried = list[Array](), carried[inside.of_node]
-        for t in self._times(angle, frame, self._x0):
+        for t in self._times(angle, frame, none):
             far = self._x0 if carried.all() else _back(frame, self.at(t), t)
             along.append(np.where(carried[:, None], inside.at(t), far))
         return np.array([self._x0, *along, end])
 
-    def points_seen_from(
-        self, body: int, obstacle: RigidPath, points: Array
-    ) -> tuple[Array, Array]:
+    def _frame_of(self, body: int) -> list[RigidPath]:
+        i = int(np.searchsorted(self._bodies.labels, body))
+        return [self._relative.of(i), self._carriers[self._carrier[i]]]
+
+    def points_seen_from(self, body: int, label: int, points: Array) -> tuple[Array, Array]:
         """Paths of points of an obstacle and of a body's nodes in the frame of the body.
 
         Args:
-            body: Number of the body in ``motions.labels``.
-            obstacle: Motion of the obstacle.
+            body: The body.
+            label: Label of the obstacle.
             points: Positions of its points at the start, shape (k, 2) [length].
 
         Returns:
             Of the points (m + 1, k, 2) and of the nodes (m + 1, n, 2) [length].
         """
-        frame = self.frame_of(body)
-        end = obstacle.back(self._x1, 1.0)
-        if self.motions.distances_to(end)[body] < self._least[body]:
-            frame = [self._fit(end).of(body), obstacle]
+        frame, obstacle = self._frame_of(body), self.motions[label]
+        end, i = obstacle.back(self._x1, 1.0), int(np.searchsorted(self._bodies.labels, body))
+        if self._bodies.distances_to(end)[i] < self._least[i]:
+            frame = [self._fit(end).of(i), obstacle]
         end = _back(frame, self._x1, 1.0)
         angle = abs(obstacle.angle) + sum(abs(rotation.angle) for rotation in frame)
         times = np.array([0.0, *self._times(angle, [obstacle, *frame], points), 1.0])
@@ -692,13 +696,31 @@ class Paths:
         return np.array(along), self._x0 + times[:, None, None] * (end - self._x0)
 
     def _times(self, angle: float, frame: Sequence[RigidPath], points: Array) -> Array:
-        """Times between straight sections of paths with a rotation by ``angle``, 0 to 1."""
-        every = np.concatenate([points, self._x0, self._x1])
-        reach = max(float(np.hypot(*(every - r.start).T).max(initial=0.0)) for r in frame)
-        # the sagitta of a chord of angle a is r a^2 / 8
-        largest = min(np.sqrt(8.0 * self._resolution / max(reach, TINY)), LIMITS.section_turn)
-        sections = int(min(max(np.ceil(angle / max(largest, TINY)), 1), LIMITS.max_points))
+        """Times between straight sections of paths with a rotation by ``angle``, 0 to 1.
+
+        Args:
+            angle: The rotation [radian].
+            frame: Rotations, of which the centres count.
+            points: Points besides the nodes, shape (k, 2) [length].
+        """
+        every, centres = np.concatenate([points, self._box]), np.array([r.start for r in frame])
+        reach = np.hypot(*np.abs(every[:, None] - centres).max(axis=0).T).max()
+        sections = num_sections(angle, reach, self._resolution)
         return np.arange(1, sections) / sections
+
+
+def num_sections(angle: float, reach: float, resolution: float) -> int:
+    """Number of straight sections of the paths of points that turn (local).
+
+    The sagitta of a chord of angle a is r a^2 / 8.
+
+    Args:
+        angle: Angle of the rotation [radian].
+        reach: Distance r of the farthest point from its centre [length].
+        resolution: Largest distance of a path from its sections [length].
+    """
+    largest = min(np.sqrt(8.0 * resolution / max(reach, TINY)), LIMITS.section_turn)
+    return int(min(max(np.ceil(angle / max(largest, TINY)), 1), LIMITS.max_points))
 
 
 def _back(frame: Sequence[RigidPath], x: Array, t: float) -> Array:

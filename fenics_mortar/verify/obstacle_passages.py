@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -187,18 +186,3 @@ def pairs_of_obstacles(
         if isinstance(contact, Contact) and contact.obstacle is not None:
             pairs.setdefault(contact.obstacle, []).append((contact, there))
     return pairs
-
-
-def events_on(along: Array, find: Callable[..., Array], *given: Any) -> Array:
-    """Events of all sections of a step, by path and time, in numbers of sections (local).
-
-    Args:
-        along: Positions at the ends of the sections, shape (m + 1, n, d) [length].
-        find: Kernel that returns rows (path, facet, time, ...) of a section.
-        given: Its arguments after the positions at both ends of a section.
-    """
-    rows = [find(*ends, *given) for ends in pairwise(along)]
-    for k, events in enumerate(rows):
-        events[:, 2] += k
-    every = np.concatenate(rows)
-    return every[np.lexsort((every[:, 2], every[:, 0]))]

@@ -142,13 +142,13 @@ def depths_in_body(outline: Any, x: Array, body: int, points: Array) -> tuple[Ar
         body: The body.
         points: The points, shape (k, dim) [length].
     """
+    mine, points = np.flatnonzero(outline.segment_bodies == body), np.ascontiguousarray(points)
+    facets = outline.segments[mine]
     if x.shape[1] == 2:
-        rows = depths_inside(x, outline.segments, outline.segment_bodies, body, points)
-        return rows[:, 0], rows[:, 1].astype(np.int64)
-    mine = np.flatnonzero(outline.segment_bodies == body)
-    triangles, size = outline.segments[mine], float(np.median(outline.lengths(x)[mine]))
-    boxes, points = build_tree(x, triangles), np.ascontiguousarray(points)
-    depths, nearest = depths_inside_hull(x, triangles, boxes, points, size)
+        depths, nearest = depths_inside(x, facets, points).T
+        return depths, mine[nearest.astype(np.int64)]
+    size = float(np.median(outline.lengths(x)[mine]))
+    depths, nearest = depths_inside_hull(x, facets, build_tree(x, facets), points, size)
     return depths, mine[nearest]
 
 
@@ -515,7 +515,7 @@ def _slips(contact: Contact) -> tuple[Points, Array]:
         return here, slip[..., None] * here.direction(o.tau)
     if contact.obstacle is not None:
         here = points_of(o.segments)
-        return here, here.of(contact.now.slip_in_space)
+        return here, here.of(contact.now.surface_slip)
     here, start = _faced_before(contact)
     return here, _across(here.difference(o.x, o.m) - start, here.direction(o.n))
 

@@ -1,13 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Passages in a step in space: nodes and edges of bodies through other bodies.
-
-Paths lead from the last accepted state to the present one, and are seen from
-the body that they may pass through. As in the plane, see ``passages``, a path passes through a body
-if the outward normals at entry and exit are opposed, and if it leads deep below the surface: not
-along it, and not round an edge. Edges of both bodies at which the surface turns are examined as
-well, since two rods may cross without a node of one within the other.
-
-Paths of the nodes of hulls in a step in space, from its ends.
+"""Paths of the nodes of hulls in a step in space, from its ends.
 
 Each body moves rigidly, with the rotation that fits its two positions best, at constant speeds
 about the shortest way or, of a body on a rigid boundary, by the known angle, and is strained at a
@@ -31,29 +23,23 @@ shortest way.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_mortar.kernels.passage import OPPOSED
-from fenics_mortar.kernels.space.inside import depths_inside
-from fenics_mortar.kernels.space.passage import find_events
-from fenics_mortar.kernels.tree import build_tree
 from fenics_mortar.obstacles.rigid_motion import polar, vector_of
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, SMALL_ANGLE, TINY, Indices, norms
+from fenics_mortar.utils.arrays import SMALL_ANGLE, TINY, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import RigidPath, StepEnds
+from fenics_mortar.verify.node_paths import Alternative, RigidPath, StepEnds, num_sections
 from fenics_mortar.verify.obstacle_passages import (
-    ADVICE,
-    events_on,
     nodes_through,
     own_frame,
     pairs_of_obstacles,
 )
-from fenics_mortar.verify.overlap import OutlineNames, depths_in_body, obstacle_depths
+from fenics_mortar.verify.overlap import OutlineNames, obstacle_depths
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
     ALWAYS,
@@ -73,6 +59,7 @@ if TYPE_CHECKING:
     from fenics_mortar.interface.outline import Hull
     from fenics_mortar.obstacles.obstacle import Fields, Obstacle
     from fenics_mortar.utils.arrays import Array, Flags
+    from fenics_mortar.verify.passages import SpacePassages
 
 
 def motion_between(x0: Array, x1: Array) -> RigidPath:
@@ -90,9 +77,10 @@ class SpacePaths:
         bodies: Body of each node, shape (n,).
         obstacles: Motions of obstacles, by labels that are no bodies.
         resolution: Largest distance of a path from its straight sections [length].
-        backwards: Bodies that turn the other way than the shortest one.
+        other: "sense" if doubtful bodies turn the other way than the shortest one.
 
     Attributes:
+        alternatives: Other forms of motions that the ends do not tell.
         motions: Motions of bodies and obstacles.
         times: Ends of the sections, shape (sections + 1,), from 0 to 1.
         along: Positions at these times, shape (sections + 1, n, 3) [length].
@@ -100,30 +88,27 @@ class SpacePaths:
 
     def __init__(
         self, ends: StepEnds, bodies: Indices, obstacles: Mapping[int, RigidPath],
-        resolution: float, backwards: Collection[int] = (),
+        resolution: float, other: Alternative = "",
     ) -> None:  # fmt: skip
         (x0, x1), known = ends[:2], ends.known
+        backwards = ends.doubtful if other else ()
+        self.alternatives: Sequence[Alternative] = ("sense",) if ends.doubtful else ()
         self.motions: dict[int, RigidPath] = {**obstacles, **known}
         for body in np.unique(bodies).tolist():
             if body not in known:
                 motion = motion_between(x0[bodies == body], x1[bodies == body])
                 self.motions[body] = motion.backwards() if body in backwards else motion
-        self.times = np.linspace(0.0, 1.0, self._count(x0, resolution) + 1)
+        counts = [
+            num_sections(motion.angle, norms(x0 - motion.start).max(initial=0.0), resolution)
+            for motion in self.motions.values()
+        ]
+        self.times = np.linspace(0.0, 1.0, max(counts, default=1) + 1)
         self.along = np.empty((len(self.times), *x0.shape))
         for body in np.unique(bodies).tolist():
             at, motion = bodies == body, self.motions[body]
             strain = motion.back(x1[at], 1.0) - x0[at]
             for k, time in enumerate(self.times):
                 self.along[k, at] = motion.carry(x0[at] + time * strain, time)
-
-    def _count(self, x0: Array, resolution: float) -> int:
-        """Number of sections: the sagitta of a chord of angle a is r a^2 / 8."""
-        count = 1
-        for motion in self.motions.values():
-            reach = norms(x0 - motion.start).max(initial=TINY)
-            largest = max(min(np.sqrt(8.0 * resolution / reach), LIMITS.section_turn), TINY)
-            count = max(count, int(min(np.ceil(motion.angle / largest), LIMITS.max_points)))
-        return count
 
     def seen_from(self, label: int, along: Array | None = None) -> Array:
         """Positions in the frame of a body or an obstacle, shape (sections + 1, n, 3) [length].
@@ -138,202 +123,19 @@ class SpacePaths:
         frames = zip(self.along if along is None else along, self.times, strict=True)
         return np.array([motion.back(x, time) for x, time in frames])
 
-
-# Points of a path between entry and exit at which its depth is measured.
-POINTS_ON_PATH = 9
-
-
-class Passed(NamedTuple):
-    """Paths through a body, k of them.
-
-    Attributes:
-        ends: Ends of the edge on the path; equal for a node, shape (k, 2).
-        place: Coordinates on the edge at entry and exit, 0 to 1, shape (k, 2).
-        times: Times of entry and exit, numbers of sections, shape (k, 2).
-        enters: Nodes of the triangle or edge of entry, shape (k, 3) or (k, 2).
-        leaves: Those of exit, shape (k, 3).
-    """
-
-    ends: Indices
-    place: Array
-    times: Array
-    enters: Indices
-    leaves: Indices
-
-    def select(self, marked: Flags) -> Passed:
-        """Some of the paths."""
-        each: Any = (values[marked] for values in self)
-        return Passed(*each)
-
-
-class SpacePassages:
-    """Detection of passages; see ``passages.Passages``.
-
-    Args:
-        hull: The hulls of the bodies.
-        names: Names of nodes and bodies.
-        excused: Overlaps of bodies in the mesh [facets], inf for pairs without messages.
-    """
-
-    def __init__(
-        self, hull: Hull, names: OutlineNames, excused: dict[tuple[int, int], float]
-    ) -> None:
-        self._hull, self._names, self._excused = hull, names, excused
-
-    def find(self, paths: SpacePaths) -> list[str]:
-        """Messages on passages of nodes and edges through bodies in a step (collective)."""
-        hull, messages = self._hull, list[str]()
-        for body in np.unique(hull.bodies).tolist():
-            along = paths.seen_from(body)
-            nodes, edges = self._near(along, body)
-            if not edges.any():
-                continue
-            through_nodes = self.nodes_through(along, body, nodes)
-            through_edges = self._edges_through(along, body, edges)
-            told = np.unique(hull.bodies[through_nodes.ends[:, 0]])
-            new = ~np.isin(hull.bodies[through_edges.ends[:, 0]], told)
-            for what, passed in (("nodes", through_nodes), ("edges", through_edges.select(new))):
-                messages += self._messages(what, passed, along, body)
-        return messages
-
-    def nodes_through(self, along: Array, body: int, marked: Flags) -> Passed:
-        """Paths of points that lead through a body, deep below its surface (local).
+    def points_seen_from(self, body: int, label: int, points: Array) -> tuple[Array, Array]:
+        """Paths of points of an obstacle and of all nodes in the frame of a body.
 
         Args:
-            along: Positions of the hull's nodes, and of other points after them, in the frame of
-                the body, shape (sections + 1, n + k, 3) [length].
             body: The body.
-            marked: Points to follow, shape (n + k,), bool.
+            label: Label of the obstacle.
+            points: Positions of its points at the start, shape (k, 3) [length].
+
+        Returns:
+            Of the points (sections + 1, k, 3) and of the nodes (sections + 1, n, 3) [length].
         """
-        hull, mine = self._hull, np.flatnonzero(self._hull.segment_bodies == body)
-        triangles, at = hull.segments[mine], np.flatnonzero(marked)[:, None]
-        normals = [hull.normals(x)[mine] for x in (along[0], along[-1])]
-        rows = events_on(along, find_events, at, triangles, normals[0])
-        same = np.concatenate([[False], rows[1:, 0] == rows[:-1, 0]])
-        leaves = rows[:, 3] < 0.0
-        exits = np.flatnonzero(leaves & same & ~np.roll(leaves, 1))
-        begins = np.flatnonzero(leaves & ~same)
-        inside = along[0][at[rows[begins, 0].astype(np.int64), 0]]
-        size = float(np.median(hull.lengths(along[0])[mine]))
-        boxes = build_tree(along[0], triangles)
-        _, nearest = depths_inside(along[0], triangles, boxes, inside, size)
-        begins, nearest = begins[nearest >= 0], nearest[nearest >= 0]
-        entries = rows[begins].copy()  # at the start, at the nearest triangle
-        entries[:, 1:3] = np.column_stack([nearest, np.zeros(nearest.size)])
-        both = np.concatenate([rows[exits - 1], entries]), rows[np.concatenate([exits, begins])]
-        passed = _passed(np.stack(both, axis=1), at, triangles, normals)
-        return self._deep(passed, along, body)
-
-    def _near(self, along: Array, body: int) -> tuple[Flags, Flags]:
-        """Nodes (n,) and edges (k,) of others whose paths meet the box of a body, bool."""
-        edges, bodies = self._hull.edges[0], self._hull.bodies
-        low, high = along.min(axis=0), along.max(axis=0)
-        lowest, highest = low[bodies == body].min(axis=0), high[bodies == body].max(axis=0)
-        nodes = ((high >= lowest) & (low <= highest)).all(axis=1)
-        begins, ends = low[edges].min(axis=1), high[edges].max(axis=1)
-        of_edges = ((ends >= lowest) & (begins <= highest)).all(axis=1)
-        return nodes & (bodies != body), of_edges & (bodies[edges[:, 0]] != body)
-
-    def _edges_through(self, along: Array, body: int, near: Flags) -> Passed:
-        """Paths of edges that enter and leave a body at edges, deep below its surface."""
-        hull = self._hull
-        edges, beside = hull.edges
-        sharp = self._are_sharp(along[0])
-        others = np.flatnonzero(sharp & (hull.bodies[edges[:, 0]] == body))
-        at = edges[sharp & near]
-        normals = [hull.normals(x)[beside[others]].sum(axis=1) for x in (along[0], along[-1])]
-        normals = [n / norms(n)[:, None] for n in normals]
-        rows = events_on(along, find_events, at, edges[others], normals[0])
-        pairs = [
-            (i, j)
-            for j in np.flatnonzero(rows[:, 3] < 0.0)
-            for i in range(int(np.searchsorted(rows[:, 0], rows[j, 0])), j)
-            if rows[i, 3] > 0.0
-        ]
-        both = rows[np.array(pairs, np.int64).reshape(-1, 2)]
-        return self._deep(_passed(both, at, edges[others], normals), along, body)
-
-    def _are_sharp(self, x: Array) -> Flags:
-        """Whether the surface turns at edges, to the inside, nodes at ``x`` (n, 3), (k,), bool."""
-        hull = self._hull
-        edges, beside = hull.edges
-        middles = x[hull.segments].mean(axis=1)
-        normals = hull.normals(x)[beside[:, 0]]
-        across = middles[beside[:, 1]] - x[edges[:, 0]]
-        convex = np.einsum("ec,ec->e", normals, across) < 0.0
-        return np.asarray(convex & (hull.turns(x) > SMALL_ANGLE))
-
-    def _deep(self, passed: Passed, along: Array, body: int) -> Passed:
-        """Those paths that lead deep below the surface of the body, not along it."""
-        if not len(passed.ends):
-            return passed
-        hull = self._hull
-        x = _at(along, passed.times.mean(keepdims=True)[0], np.arange(along.shape[1])[None])[0]
-        points = np.moveaxis(_on_paths(passed, along), 0, 1)
-        depths = depths_in_body(hull, x, body, points.reshape(-1, 3))[0].reshape(points.shape[:2])
-        chords = norms(points[:, -1] - points[:, 0])
-        least = np.minimum(
-            HALF_FACET * hull.node_sizes(x)[passed.enters[:, 0]], LIMITS.deep * chords
-        )
-        return passed.select((depths.max(axis=1) > least) & (least > 0.0))
-
-    def _messages(self, what: str, passed: Passed, along: Array, body: int) -> Iterator[str]:
-        """A message on each other body of which nodes or edges passed through ``body``."""
-        of_paths = self._hull.bodies[passed.ends[:, 0]]
-        for other in np.unique(of_paths).tolist():
-            if self._excused.get((min(body, other), max(body, other))) == np.inf:
-                continue
-            mine = passed.select(of_paths == other)
-            who = f"{len(np.unique(mine.ends, axis=0))} {what} of "
-            yield self.message(who + self._names.node(int(mine.ends[0, 0])), mine, along[-1], body)
-
-    def message(self, who: str, passed: Passed, x: Array, body: int) -> str:
-        """Message on paths through ``body`` of points that end at ``x`` (n + k, 3) [length]."""
-        distances = norms(x[passed.ends].mean(axis=1) - x[passed.enters].mean(axis=1))
-        first = np.argmax(distances)
-        enters, leaves = (self._names.node(int(nodes[first, 0])) for nodes in passed[3:])
-        return (
-            f"{who} went through {self._names.body(body)}, entering at {enters} and leaving at "
-            f"{leaves}, and one ended {distances[first]:.3g} from the facet of entry, {ADVICE}"
-        )
-
-
-def _passed(both: Array, movers: Indices, targets: Indices, normals: list[Array]) -> Passed:
-    """Paths with opposed normals (m, 3) at entry and exit at both ends of the step.
-
-    ``both`` (k, 2, 5): rows of ``find_events`` of entry and exit.
-    """
-    mover, (entry, leaves) = both[:, 1, 0].astype(np.int64), both[:, :, 1].T.astype(np.int64)
-    ends = movers[mover][:, [0, -1]]
-    passed = Passed(ends, both[:, :, 4], both[:, :, 2], targets[entry], targets[leaves])
-    cosines = [np.einsum("kc,kc->k", n[entry], n[leaves]) for n in normals]
-    return passed.select((np.maximum(*cosines) < OPPOSED) & ~_share(passed))
-
-
-def _share(passed: Passed) -> Flags:
-    """Whether entry and exit have a common node: the path leads round an edge, (k,), bool."""
-    return np.asarray(
-        (passed.enters[:, :, None] == passed.leaves[:, None, :]).any(axis=(1, 2)), bool
-    )
-
-
-def _at(along: Array, times: Array, nodes: Indices) -> Array:
-    """Positions of ``nodes`` (t, n) at ``times`` (t,), numbers of sections, (t, n, 3) [length]."""
-    k = np.minimum(times.astype(np.int64), len(along) - 2)[:, None]
-    part = times[:, None, None] - k[..., None]
-    return np.asarray((1.0 - part) * along[k, nodes] + part * along[k + 1, nodes])
-
-
-def _on_paths(passed: Passed, along: Array) -> Array:
-    """Points on paths between entry and exit, (POINTS_ON_PATH, k, 3) [length]."""
-    found = []
-    for part in np.linspace(0.0, 1.0, POINTS_ON_PATH):
-        times, place = (
-            (1.0 - part) * ends[:, 0] + part * ends[:, 1] for ends in (passed.times, passed.place)
-        )
-        ends = _at(along, times, passed.ends)
-        found.append((1.0 - place)[:, None] * ends[:, 0] + place[:, None] * ends[:, 1])
-    return np.array(found)
+        along = np.array([self.motions[label].carry(points, time) for time in self.times])
+        return self.seen_from(body, along), self.seen_from(body)
 
 
 # Points of a triangle near an obstacle, weights of its corners: a grid of a quarter of its sides.
@@ -552,7 +354,7 @@ class SpaceObstacle:
         """Names of the surface of a triangle and of the obstacle (collective)."""
         return self._names.segment(triangle), self._name
 
-    def passages(self, paths: SpacePaths, through: SpacePassages, place: Array) -> list[str]:
+    def passages(self, paths: SpacePaths, through: SpacePassages, place: Array) -> Iterator[str]:
         """Messages on nodes through the obstacle, or else on points of it through bodies.
 
         Args:
@@ -568,24 +370,15 @@ class SpaceObstacle:
             return self._names.node(int(nodes[first]))
 
         found = nodes_through(self.hull.comm, self.obstacle, given, x1[nodes], name)
-        return found or list(self._points_through(paths, through))
+        return iter(found) if found else self._points_through(paths, through)
 
     def _points_through(self, paths: SpacePaths, through: SpacePassages) -> Iterator[str]:
         """Messages on points of the obstacle that went through bodies."""
-        motion = paths.motions[self.label]
+        motion, x1 = paths.motions[self.label], paths.along[-1]
         beside = paths.seen_from(self.label)[:, self.counted].reshape(-1, 3)
-        begin = motion.back(self.points(paths.along[-1], motion.carry(beside, 1.0)), 1.0)
-        in_space = np.array([motion.carry(begin, time) for time in paths.times])
-        for body in self.bodies.tolist():
-            of_points = paths.seen_from(body, in_space)
-            along = np.concatenate([paths.seen_from(body), of_points], axis=1)
-            moved = np.abs(of_points - of_points[0]).max(axis=(0, 2))
-            marked = np.arange(along.shape[1]) >= len(self.hull.X)
-            marked[marked] = moved > ROUNDING * np.abs(of_points).max(initial=0.0)
-            passed = through.nodes_through(along, body, marked)
-            if len(passed.ends):
-                who = f"{len(passed.ends)} points of {self._name}"
-                yield through.message(who, passed, along[-1], body)
+        begin = motion.back(self.points(x1, motion.carry(beside, 1.0)), 1.0)
+        at = self.label, self.obstacle, begin, self.bodies.tolist()
+        return through.points_through(paths, *at, x1)
 
 
 def obstacles_in_space(

@@ -14,6 +14,35 @@ from dolfinx import fem
 import fenics_mortar as fm
 
 
+def strip_across_itself():
+    """Squares one after the other, joined to the last two only; nodes of others coincide."""
+    places = [
+        (0, 0),
+        (1, 0),
+        (2, 0),
+        (3, 0),
+        (3, 1),
+        (3, 2),
+        (2, 2),
+        (1, 2),
+        (1, 1),
+        (1, 0),
+        (1, -1),
+    ]
+    cells, x = [], []
+    for column, row in places:
+        joined = {tuple(x[node]): node for cell in cells[-2:] for node in cell}
+        cell = []
+        for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            at = column + corner[0], row + corner[1]
+            if at not in joined:
+                joined[at] = len(x)
+                x.append(at)
+            cell.append(joined[at])
+        cells.append(cell)
+    return np.array(cells), np.array(x, float)
+
+
 def folded(kind):
     """Cells, nodes and kind of cells of a mesh that covers an area twice, or of a valid one."""
     cells, x = grid(8, 4)
@@ -39,6 +68,8 @@ def folded(kind):
         angle, grows = np.radians(400.0) * x[:, 0], 0.3 if kind == "wound up" else 0.1
         radius = 1.0 + 0.2 * x[:, 1] + grows * x[:, 0]
         x = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    elif kind == "a strip on itself":
+        cells, x = strip_across_itself()
     elif kind == "in an arc":
         x = np.stack(
             [(2.0 + x[:, 1]) * np.cos(6 * x[:, 0]), (2 + x[:, 1]) * np.sin(6 * x[:, 0])], 1
@@ -66,13 +97,14 @@ def problem_on_folded(kind):
 @pytest.mark.parametrize(
     "kind, message",
     [
-        ("a second copy", "covers an area twice"),
+        ("a second copy", "covers a place twice: two facets"),
         ("an inclusion without a hole", r"body around \(0.5, 0.5\) lies inside the one around"),
         ("a turned cell", r"1 cells are twisted, one at \(0.6875, 0.125\)"),
         ("a node too far", "cells are twisted"),
         ("a node too far, triangles", "facets have the cells of both sides on the same side"),
         ("folded back", "facets have the cells of both sides on the same side"),
         ("wound", "a body overlaps itself: its outline crosses itself at"),
+        ("a strip on itself", "a body overlaps itself: its outline crosses itself at"),
     ],
 )
 def test_overlapping_cells_are_refused(kind, message):

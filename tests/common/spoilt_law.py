@@ -10,8 +10,9 @@ import fenics_mortar as fm
 class Spoilt(fm.Coulomb):
     """Coulomb's law with adhesion; one of its results is wrong from some time on."""
 
-    def __init__(self, method, spoil):
+    def __init__(self, method, spoil, strength=0.1):
         super().__init__(0.3)
+        self.strength = strength
         self.method, self._spoil, self._on = method, spoil, True
 
     def _answer(self, method, answer):
@@ -30,11 +31,11 @@ class Spoilt(fm.Coulomb):
         return self._answer("friction_limit", super().friction_limit(pressure))
 
     def adhesion(self, gap):
-        pull = 0.1 * np.exp(-gap / 0.1)
+        pull = self.strength * np.exp(-gap / 0.1)
         return self._answer("adhesion", (pull, -pull / 0.1))
 
 
-def rubbing_blocks(law):
-    scene = small_blocks(pair={"law": law})
+def rubbing_blocks(law, E=100.0):
+    scene = small_blocks(pair={"law": law}, E=E)
     scene.loads["push"].value[:] = 0.005, -0.02
     return scene

@@ -31,7 +31,12 @@ WRONG_ANSWERS = [
         NotFiniteError,
         "limit returned .* not finite at 5",
     ),
-    ("limit", lambda b: b[0], ValueError, "limit returned array.*; expected a Row, or the limit"),
+    (
+        "limit",
+        lambda b: b[0],
+        ValueError,
+        "limit returned array[^;]*; expected a Row, or the limit",
+    ),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
     ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),
@@ -79,6 +84,24 @@ def test_invalid_result_of_a_law_is_refused(method, spoil, kind, message):
         rubbing_blocks(law).problem.solve()
 
 
+class Numbered(fm.Coulomb):
+    """Coulomb's law with branches from 4 on."""
+
+    def branch(self, node, before):
+        return super().branch(node, np.where(before == 0, 0, before - 5)) + 5
+
+    def tangential(self, node, branch):
+        assert (branch >= 4).all(), "not a branch of this law"
+        return super().tangential(node, branch - 5)
+
+
+def test_law_is_given_only_branches_that_it_returned():
+    """Also if the tangent is checked before the first solve."""
+    scene = rubbing_blocks(Numbered(0.3))
+    scene.problem.check_tangent(print_table=False)
+    assert scene.problem.solve().converged
+
+
 @several_ranks
 @pytest.mark.parametrize("method", ["branch", "tangential", "friction_limit", "adhesion"])
 @pytest.mark.parametrize("checked", [False, True])
@@ -103,10 +126,14 @@ def test_law_that_raises_on_one_rank_raises_on_all(method, checked):
 
 
 @several_ranks
-def test_results_of_a_law_that_differ_on_one_rank_are_refused():
-    law = Spoilt("tangential", lambda row: row._replace(residual=row[0] * (2.0 if LAST else 1.0)))
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_results_of_a_law_that_differ_on_one_rank_are_refused(unit):
+    def doubled(row):
+        return row._replace(residual=row[0] * (2.0 if LAST else 1.0))
+
+    law = Spoilt("tangential", doubled, strength=0.1 * unit)
     with refused(fm.MortarError, "equations of contact differ between ranks"):
-        rubbing_blocks(law).problem.solve()
+        rubbing_blocks(law, E=100.0 * unit).problem.solve()
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Gaps, active set, size of rows and multiplier nodes, node by node, against their definition."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.interface_fields import InterfaceFields
+from fenics_mortar.contact.interface_fields import InterfaceFields, InterfaceState
 from fenics_mortar.contact.law import Row
 from fenics_mortar.contact.rows import MAX_CHANGES, ContactRows, MultiplierNodes, updated_set
 
@@ -100,3 +101,13 @@ def test_multiplier_nodes_stay_after_many_changes():
         assert changed == 1 and new.tolist() == [False, True]
     new, changed = nodes.update(both, cover)
     assert changed == 0 and new.all()
+
+
+def test_states_of_a_pair_are_interpolated():
+    """Multipliers and heat of perfect conduction; the sets are those of the first state."""
+    on, off = np.ones(2, bool), np.zeros(2, bool)
+    one = InterfaceState(np.zeros((2, 3)), on, 0 * on, on, off, conduction=np.array([1.0, 2.0]))
+    other = replace(one, z=np.full((2, 3), 4.0), active=off, conduction=np.array([3.0, -2.0]))
+    found = one.towards(other, 0.25)
+    assert np.array_equal(found.z, np.full((2, 3), 1.0)) and found.active.all()
+    assert np.array_equal(found.conduction, [1.5, 1.0])

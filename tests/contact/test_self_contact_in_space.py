@@ -303,3 +303,45 @@ def test_nearest_points_are_on_another_part():
     corners, weights = nearest_on_master(o, upper)
     places = np.einsum("kc,kcd->kd", weights, o.x[corners])
     assert np.allclose(places, o.x[upper] - [0.0, 0.0, 0.1])
+
+
+def beside_a_wall(gap, whole):
+    """A block on a finer one is pressed down, and aside to a wall of one cell.
+
+    With outlines that may all touch each other, or with the sides that meet.
+    """
+    but = {"block": ("top", "left"), "below": ("bottom",), "wall": ("right",)}
+    shapes = {
+        "block": block((2, 2, 2), size=(1.0, 1.0, 0.5)),
+        "below": block((9, 7, 1), size=(1.8, 1.4, 0.4), corner=(-0.4, -0.2, -0.4)),
+        "wall": block((1, 1, 1), size=(1.0, 1.8, 1.4), corner=(1.0 + gap, -0.4, 0.02)),
+    }
+    names = {
+        body: {side: body for side in SIDES if whole and side not in left_out}
+        for body, left_out in but.items()
+    }
+    boxes = [Box(name, x, names[name]) for name, x in shapes.items()]
+    pairs = [("below/top", "block/bottom"), ("block/right", "wall/left")]
+    held = ["block/top", "below/bottom", "wall/right"]
+    pairs = [(list(shapes), None)] if whole else pairs
+    scene = bodies(boxes, held, pairs, newton=TIGHT)
+    return scene.move("block/top", (gap + 0.02, 0.0, -0.02))
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("gap", [0.05, 0.4])
+def test_a_sharp_edge_takes_the_normal_of_the_side_that_faces_its_own_masters(gap):
+    """The block below is nearer to the edge than the wall, but its slave: roles follow sizes."""
+    scene = beside_a_wall(gap, True)
+    assert scene.solve().certificate.violations() == []
+    contact = scene.problem.equations.contacts[0]
+    sharp = contact.slave.sharp_edges.nodes
+    X = contact.slave.X[sharp]
+    of_block = np.abs(X[:, 1] - 0.5) < 0.6
+    at_edge = sharp[of_block & np.isclose(X[:, [0, 2]], [1.0, 0.0]).all(axis=1)]
+    assert at_edge.size == 3
+    assert np.abs(contact.operators.n[at_edge] - [1.0, 0.0, 0.0]).max() < 0.05
+    if gap == 0.4:  # the edge is beyond the block below: only sides of the pairs touch
+        expected = beside_a_wall(gap, False)
+        expected.solve()
+        assert scene.u.x.array == pytest.approx(expected.u.x.array, abs=1e-8)

@@ -175,6 +175,10 @@ def test_invalid_ties_are_refused():
     with pytest.raises(ValueError, match="basis 'standard', so D is not diagonal"):
         pair = fm.TiedPair(data, *ROLES[0], **pair_options(basis="standard"))
         tied(data, [pair], ENDS, none, algorithm="condensed")
+    sides = [block(1, 1, width=1.0, height=1.0, corner=corner) for corner in ((0, 0), (0.98, -1))]
+    data = read(build, grids=list(map(Grid, ("upper", "lower"), sides)))
+    with pytest.raises(fm.SurfaceError, match="faces it on less than 5 % of its facets"):
+        tied(data, [fm.TiedPair(data, *ROLES[0])], ENDS, none)
     with pytest.raises(ValueError, match="a list of ContactPair and TiedPair"):
         tied(data, ["upper/bottom"], ENDS, none)
 

@@ -15,7 +15,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.contact import arcs
 from fenics_mortar.contact.arcs import rotation_past_obstacle
-from fenics_mortar.contact.slip import Partners
+from fenics_mortar.contact.slip import PlanePartners
 from fenics_mortar.laws import Worn
 from fenics_mortar.verify.node_paths import STRETCHED, turn_of
 from meshes.mapped_grids import Grid, build, sector
@@ -312,7 +312,7 @@ def test_a_chord_is_found_by_the_work_of_the_moment(monkeypatch):
         return np.einsum("jc,jc->j", o.tau, self.gap_vectors(o))
 
     assert not remarked(0.1) and not remarked(0.1 + TURN / 8)
-    monkeypatch.setattr(Partners, "slip", along_chord)
+    monkeypatch.setattr(PlanePartners, "slip", along_chord)
     assert remarked(0.1 + TURN / 4)
 
 

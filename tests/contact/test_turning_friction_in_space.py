@@ -128,7 +128,7 @@ def test_material_turns_with_its_nodes(mirrored):
     rng = np.random.default_rng(1)
     x, direction = x + 0.05 * rng.normal(size=x.shape), rng.normal(size=x.shape)
     along = rng.normal(size=x.shape)
-    block = material.rows(material.turned(x), along)
+    block = material.rows(material.turned(x).by_products(along))
     values = dict(zip(surface.dofs.ravel().tolist(), direction.ravel().tolist()))
     change = np.zeros(n)
     for j, columns, row in zip(block.rows[:, 0], block.columns, block.values[:, 0]):

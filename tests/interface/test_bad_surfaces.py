@@ -23,7 +23,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from meshes import two_blocks
+from meshes import mapped_boxes, two_blocks
 
 # Names and tags
 
@@ -86,6 +86,34 @@ def test_a_node_must_not_be_slave_of_one_master_in_two_pairs():
         where = rf"1 nodes are slaves of '{master}' in two pairs, .*, one at \(1.6, 1\)"
         with refused(fm.SurfaceError, where, "in one list"):
             problem_on(data, pairs)
+
+
+@pytest.mark.parametrize("cell", mapped_boxes.CELLS)
+def test_masters_in_space_may_share_slave_nodes_where_they_meet_at_a_corner_only(cell):
+    low = mapped_boxes.block((4, 2, 1), size=(1.0, 1.0, 0.5))
+    high = mapped_boxes.block((3, 2, 1), size=(1.0, 1.0, 0.5), corner=(0.0, 0.0, 0.5))
+    boxes = [mapped_boxes.Box("lower", low), mapped_boxes.Box("upper", high)]
+    given = mapped_boxes.arrays(boxes, cell=cell)
+    top = given["boundaries"].pop("lower/top")
+    is_first = given["points"][top, 0].mean(axis=1) < 0.5
+    given["boundaries"] |= {"lower/first": top[is_first], "lower/last": top[~is_first]}
+    data = fm.mesh_from_arrays(**given)
+
+    def problem_with(*masters):
+        return problem_on(data, [fm.ContactPair(data, "upper/bottom", name) for name in masters])
+
+    for side in ("left", "front", "back"):
+        assert len(problem_with("lower/first", f"lower/{side}").contacts) == 2
+    with refused(fm.SurfaceError, "12 nodes are slaves of 'lower/first' in two pairs"):
+        problem_with("lower/first", "lower/last")
+
+
+@pytest.mark.parametrize("other", ["lower/top", fm.Plane((0.0, 0.9), (0.0, 1.0))])
+def test_a_node_may_be_slave_of_an_obstacle_and_of_another_master(other):
+    data = read(two_blocks.build, **SMALL)
+    wall = fm.Plane((-9.0, 0.0), (1.0, 0.0))
+    pairs = [fm.ContactPair(data, "upper/bottom", master) for master in (wall, other)]
+    assert len(problem_on(data, pairs).contacts) == 2
 
 
 def test_facet_of_zero_length_is_refused():

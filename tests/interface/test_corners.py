@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Corners inside a slave surface: choice of the normal, and the resulting active sets."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from test_sight import Scene, at, whole
 
 import fenics_mortar as fm
-from fenics_mortar.interface.corners import choose_facets, corners_of, one_sided
 from meshes.mapped_grids import block
 
 
@@ -23,15 +24,23 @@ def arms(slave="left", mu=0.0, thickness=0.06, overlap=0.3, cells=9, **options):
     )
 
 
-def chosen(scene, x=None):
-    """Facets at the corners of the slave, by their rounded positions in the mesh."""
-    c = scene.contact
-    corners = corners_of(c.slave)
-    o = c.operators
-    facets = choose_facets(
-        c.slave, corners, o.x if x is None else x, o.m[c.master.facets[:, [0, -1]]]
-    )
-    return {tuple(np.round(c.slave.X[j], 6)): int(f) for j, f in zip(corners, facets, strict=True)}
+BEFORE, AFTER, BOTH = 0, 1, -1
+TIP = (-0.3, 0.0)
+
+
+def chosen(scene, x=None, ends=None):
+    """Facets at the corners of the slave, by their rounded positions in the mesh.
+
+    With ``ends`` (m, 2, 2) of the master's facets, if not those of the scene.
+    """
+    slave, master, o = scene.contact.slave, scene.contact.master, scene.contact.operators
+    x, m, edges = o.x if x is None else x, o.m, slave.sharp_edges
+    if ends is not None:
+        m = np.reshape(ends, (-1, 2))
+        master = SimpleNamespace(facets=np.arange(len(m)).reshape(-1, 2))
+    sides = edges.choose(x, master, m, np.inf)
+    at = zip(edges.nodes, sides, strict=True)
+    return {tuple(np.round(slave.X[j], 6)): int(side) for j, side in at}
 
 
 @pytest.mark.once
@@ -41,39 +50,40 @@ def test_corners_that_lie_flat_take_the_normal_of_the_flat_facet():
     scene = arms("right")
     found = chosen(scene)
     assert len(found) == 4
-    assert found[(-0.3, 0.0)] == 1
-    n = scene.contact.operators.n[np.isclose(scene.contact.slave.X, (-0.3, 0.0)).all(axis=1)]
+    assert found[TIP] == AFTER
+    n = scene.contact.operators.n[np.isclose(scene.contact.slave.X, TIP).all(axis=1)]
     assert n[0] == pytest.approx([0.0, -1.0], abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    "degrees, facet", [(0, 1), (15, 1), (30, 0), (45, 0), (60, 0), (75, -1), (90, -1)]
+    "degrees, facet",
+    [(0, AFTER), (15, AFTER), (30, BOTH), (45, BOTH), (60, BOTH), (75, BEFORE), (90, BEFORE)],
 )
 def test_the_nearest_of_three_normals_is_taken(degrees, facet):
     """A square corner above a flat, turned about it."""
     scene = arms("right")
-    c, X = scene.contact, scene.contact.slave.X
+    slave, X = scene.contact.slave, scene.contact.slave.X
     angle = np.radians(degrees)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    tip = np.array([-0.3, 0.0])
-    x = (X - tip) @ turn.T + tip + [0.0, 1e-3]
-    assert chosen(scene, x)[(-0.3, 0.0)] == facet
-    _, alone = one_sided(c.slave, corners_of(c.slave), np.array([0, 0, 0, 0]))
-    assert not alone.any()
+    x = (X - TIP) @ turn.T + TIP + [0.0, 1e-3]
+    assert chosen(scene, x)[TIP] == facet
+    links, alone = slave.sharp_edges.links(np.full(4, BOTH))
+    assert not alone.any() and np.array_equal(links, (slave.previous, slave.following))
 
 
-@pytest.mark.parametrize("degrees, facet", [(34, 0), (39, 0), (41, 1), (62, 1)])
+@pytest.mark.parametrize("degrees, facet", [(34, BOTH), (39, BOTH), (41, AFTER), (62, AFTER)])
 def test_a_corner_that_is_pressed_blunt_takes_the_average(degrees, facet):
     """Whichever facet the master, dented below the corner, happens to face."""
-    c = arms("right").contact
-    j = np.flatnonzero(np.isclose(c.slave.X, (-0.3, 0.0)).all(axis=1))
+    scene = arms("right")
+    c = scene.contact
+    j = np.flatnonzero(np.isclose(c.slave.X, TIP).all(axis=1))
     x, half = c.operators.x.copy(), np.radians(degrees / 2)
     x[c.slave.previous[j]] = x[j] + 0.01 * np.array([-np.cos(half), np.sin(half)])
     x[c.slave.following[j]] = x[j] + 0.01 * np.array([np.cos(half), np.sin(half)])
     slope = 0.6 * half
     along = np.array([np.cos(slope), np.sin(slope)])
     below = x[j][0] - [0.0, 1e-4]
-    assert choose_facets(c.slave, j, x, np.array([[below + along, below - along]]))[0] == facet
+    assert chosen(scene, x, [[below + along, below - along]])[TIP] == facet
 
 
 def test_a_facet_between_corners_keeps_its_partner_if_one_of_them_takes_its_normal():
@@ -81,25 +91,26 @@ def test_a_facet_between_corners_keeps_its_partner_if_one_of_them_takes_its_norm
     bar = whole("bar", block(5, 1, width=1.0, height=0.1, corner=(0.0, 0.0)))
     ground = whole("ground", block(5, 1, width=1.0, height=0.1, corner=(0.0, -0.1)))
     slave = Scene([bar, ground], [("bar", "ground")], [(at(1, -0.1), None)]).contact.slave
-    corners = corners_of(slave)
-    x = slave.X[corners]
+    edges = slave.sharp_edges
+    x = slave.X[edges.nodes]
     low, high = (np.flatnonzero(np.isclose(x, (1.0, y)).all(axis=1))[0] for y in (0.0, 0.1))
     end = np.isclose(slave.X[slave.facets][:, :, 0], 1.0).all(axis=1)
-    for chosen_low, chosen_high, alone in ((-1, 1, True), (1, 1, False), (-1, -1, False)):
-        facets = np.zeros(len(corners), int)
-        facets[low], facets[high] = chosen_low, chosen_high
-        assert one_sided(slave, corners, facets)[1][end].all() == alone
+    cases = (BEFORE, AFTER, True), (AFTER, AFTER, False), (BEFORE, BEFORE, False)
+    for chosen_low, chosen_high, alone in cases:
+        sides = np.full(edges.nodes.size, BOTH)
+        sides[low], sides[high] = chosen_low, chosen_high
+        (previous, following), found = edges.links(sides)
+        assert found[end].all() == alone
+        for j, side in zip(edges.nodes, sides, strict=True):
+            assert (previous[j] == -1, following[j] == -1) == (side == AFTER, side == BEFORE)
 
 
 def test_a_corner_between_two_walls_keeps_its_averaged_normal():
     """Both parts of the master are equally near: no facet is preferred."""
     scene = arms("right")
-    c = scene.contact
-    x = c.operators.x
-    walls = np.array([[(1.0, 0.0), (-0.3, 0.0)], [(-0.3, 0.0), (-0.3, 1.0)]])
-    j = np.flatnonzero(np.isclose(c.slave.X, (-0.3, 0.0)).all(axis=1))
-    assert choose_facets(c.slave, j, x, walls)[0] == 0
-    assert choose_facets(c.slave, j, x, walls[:1])[0] == 1
+    walls = [[(1.0, 0.0), TIP], [TIP, (-0.3, 1.0)]]
+    assert chosen(scene, ends=walls)[TIP] == BOTH
+    assert chosen(scene, ends=walls[:1])[TIP] == AFTER
 
 
 @pytest.mark.once

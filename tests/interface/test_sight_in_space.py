@@ -13,7 +13,7 @@ from fenics_mortar.kernels.space.inside import crossings, is_hidden, is_nearer_e
 from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.kernels.tree import build_tree
 from meshes import mapped_boxes
-from meshes.mapped_boxes import SIDES, Box, block
+from meshes.mapped_boxes import SIDES, Box, block, mapped
 
 LEAST = 1e-12
 EACH_CELL = [("hexahedron", 1), ("tetrahedron", 1), ("hexahedron", 2), ("tetrahedron", 2)]
@@ -253,6 +253,50 @@ def test_edges_of_a_cube_take_the_normal_of_the_side_that_faces_the_plate(cell, 
     assert np.isclose(slave.X[o.segments.slave][..., 2], 0.1).all()
 
 
+def thin_wedge(degrees, whole, *, cell="hexahedron", order=1):
+    """A wedge whose edge is pressed on a block by one of its sides, which is tilted by 3 degrees.
+
+    With outlines or with the sides that meet.
+    """
+    slope, height = np.tan(np.radians(degrees)), 0.3
+    high = mapped(
+        (5, 2, 2),
+        lambda s, t, r: ((s + (1.0 - s) * r) * height / slope + 0.3 * s, 0.5 * t, r * height),
+        order=order,
+    )
+    low = block((4, 4, 2), size=(0.7, 1.0, 0.5), corner=(-0.25, -0.25, -0.5), order=order)
+    names = [outline("upper", ("top", "right")), outline("lower", ("bottom",))]
+    boxes = [Box("upper", high @ turn([0.0, 1.0, 0.0], -3.0).T), Box("lower", low)]
+    if whole:
+        boxes = [replace(box, joined=joined) for box, joined in zip(boxes, names, strict=True)]
+    held = ["upper/top", "upper/right", "lower/bottom"]
+    pair = ("upper", "lower") if whole else ("upper/bottom", "lower/top")
+    return bodies(boxes, held, [pair], cell=cell, order=order)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("degrees", [1.0, 30.0, 44.0, 100.0])
+@pytest.mark.parametrize(("cell", "order"), EACH_CELL)
+def test_edges_of_wedges_are_sharp(degrees, cell, order):
+    slave = thin_wedge(degrees, True, cell=cell, order=order).problem.equations.contacts[0].slave
+    at_edge = np.flatnonzero(np.linalg.norm(slave.X[:, [0, 2]], axis=1) < LEAST)
+    assert at_edge.size == 2 * order + 1 and np.isin(at_edge, slave.sharp_edges.nodes).all()
+
+
+@pytest.mark.once
+def test_a_thin_wedge_with_its_outline_is_pressed_by_its_edge_as_with_its_side():
+    """On a flat without friction there is no force along it."""
+    forces = []
+    for whole in (True, False):
+        scene = thin_wedge(30.0, whole)
+        for side in ("upper/top", "upper/right"):
+            scene.move(side, (0.0, 0.0, -0.02))
+        assert scene.solve().certificate.violations() == []
+        forces.append(scene.problem.reaction("lower/bottom").force)
+    assert forces[0] == pytest.approx(forces[1], abs=1e-9)
+    assert np.abs(forces[0][:2]).max() < 0.01 * forces[0][2]
+
+
 def pyramid():
     """A pyramid whose four sides have a hundred facets each at the apex, and a plate."""
     s, one = np.linspace(-1.0, 1.0, 101)[:-1], np.ones(100)
@@ -279,7 +323,8 @@ def test_the_apex_of_a_pyramid_that_is_pressed_blunt_takes_the_average(degrees, 
     x = slave.X * [1.0, 1.0, np.tan(angle) / 3.0] @ turn([1.0, 0.0, 0.0], 180.0).T
     x[:, 2] += 1e-4 - x[0, 2]
     m = plate.X @ turn([0.0, 1.0, 0.0], 0.6 * degrees).T
-    (starts, _, _), alone = slave.sharp_edges.choose(x, plate, m, 1.0)
+    edges = slave.sharp_edges
+    (starts, _, _), alone = edges.links(edges.choose(x, plate, m, 1.0))
     assert starts[1] == left and (alone.sum() == 0) == (left == 400)
 
 

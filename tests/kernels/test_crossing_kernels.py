@@ -49,24 +49,11 @@ def events_of_others(x0, x1, segments, bodies):
     """Intersections of nodes with segments of other bodies; ``bodies`` of nodes and segments."""
     found = []
     for body in np.unique(bodies):
-        at = np.flatnonzero(bodies == body)
-        rows = passage.find_events(x0, x1, np.flatnonzero(bodies != body), segments[at])
-        rows[:, 1] = at[rows[:, 1].astype(int)]
+        at, nodes = np.flatnonzero(bodies == body), np.flatnonzero(bodies != body)
+        rows = passage.find_events(x0, x1, nodes[:, None], segments[at], x0)
+        rows[:, 0], rows[:, 1] = nodes[rows[:, 0].astype(int)], at[rows[:, 1].astype(int)]
         found.append(rows)
     return np.concatenate(found)
-
-
-def passages(start, end):
-    """Rows for loops that move from ``start`` to ``end`` in one step on straight lines."""
-    x0, segments, after, before, bodies = outline(*start)
-    x1 = outline(*end)[0]
-    events = events_of_others(x0, x1, segments, bodies)
-    order = np.lexsort((events[:, 2], bodies[events[:, 1].astype(int)], events[:, 0]))
-    lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
-    none = np.full(len(x0), -1)
-    return passage.find_passages(
-        np.array([x0, x1]), segments, after, before, none, lengths, bodies, events[order]
-    )
 
 
 def exactly_cross(a, b, c, d):
@@ -203,57 +190,6 @@ def test_self_crossing_outline_is_detected():
     angle = np.linspace(0.05, 2.0 * np.pi - 0.05, 80)
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     assert not len(crossings(np.concatenate([1.2 * arc, 0.9 * arc[::-1]])))
-
-
-@pytest.mark.parametrize("thickness", [0.01, 0.3, 1.0])
-def test_only_paths_through_a_plate_are_passages(thickness):
-    plate = rectangle(-2.0, -thickness, 4.0, thickness, 0.25)
-    block = rectangle(-0.4, 0.1, 0.8, 0.5, 0.2)
-    through = passages([plate, block], [plate, block - [0.3, 3.0]])
-    assert set(through[:, 0].astype(int)) >= set(range(len(plate), len(plate) + len(block)))
-    assert (through[:, 2] >= 0.0).all()
-    for move in ([3.0, 0.0], [0.3, -0.099], [-4.0, 0.0]):
-        assert not len(passages([plate, block], [plate, block + move]))
-    resting = block - [0.0, 0.1 + 1e-9]
-    assert len(passages([plate, resting], [plate, resting - [0.0, 3.0]]))
-    for move in ([0.5, 0.0], [-1.0, 1e-9], [1.1, 0.0], [0.3, 2.0]):
-        ended = passages([plate, resting], [plate, resting + move])
-        assert not (ended[:, 2] >= 0.0).any()
-
-
-def test_path_across_a_corner_is_no_passage():
-    """A node slides off the end of a plate, and round the corner of a block."""
-    plate = rectangle(-2.0, -0.1, 4.0, 0.1, 0.25)
-    tip = np.array([(1.9, 0.0), (2.6, 0.3), (2.5, 0.5)])
-    assert not len(passages([plate, tip], [plate, tip - [0.0, 0.25]]))
-    block = rectangle(-2.0, -4.0, 4.0, 4.0, 0.25)
-    tip = np.array([(1.0, 0.01), (1.5, 0.3), (1.2, 0.5)])
-    assert not len(passages([block, tip], [block, np.add(tip, [1.1, -1.5])]))
-
-
-@pytest.mark.parametrize("deep", [0.05, 0.3])
-def test_path_that_ends_inside_has_its_depth(deep):
-    plate = rectangle(-2.0, -1.0, 4.0, 1.0, 0.25)
-    block = rectangle(-0.4, 0.1, 0.8, 0.5, 0.2)
-    found = passages([plate, block], [plate, block - [0.0, 0.1 + deep]])
-    assert (found[:, 2] < 0.0).all()
-    assert found[:, 3].max() == pytest.approx(deep)
-
-
-@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
-@pytest.mark.parametrize("seed", range(20))
-def test_path_out_along_an_edge_does_not_end_inside(seed, turn):
-    """Bodies fitted with interference, whose ends are on one line up to rounding."""
-    rng = np.random.default_rng(seed)
-    outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.005), rectangle(-0.5, 0.0, 0.55, 0.1, 0.005)
-    R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    start = [x + rng.uniform(-1e-17, 1e-17, x.shape) for x in (outer, inner)]
-    end = [outer + np.array([0.01, 0.0]), inner - np.array([0.04, 0.0])]
-    found = passages([x @ R.T for x in start], [x @ R.T for x in end])
-    assert found[:, 3].max(initial=0.0) < 1e-12  # nodes that end on the edge up to rounding
-    moved = np.array([0.2, 0.03]) + inner
-    deeper = passages([x @ R.T for x in start], [outer @ R.T, moved @ R.T])
-    assert deeper[:, 3].max() == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])

@@ -109,6 +109,21 @@ def test_estimates_for_a_ring_under_a_tilted_tool(tilt):
     assert (true[PEAK] > 0.1) == (tilt > 0.0)
 
 
+def test_steps_in_space_that_fail(monkeypatch):
+    """The problem in space tells nothing then, also not a displacement."""
+    plane, solid = plane_strip(), strip_in_space(0.5)
+
+    def fails(*_):
+        solid.equations.bulk.values[:] = 1.0
+        raise fm.MortarError("no step")
+
+    monkeypatch.setattr("fenics_mortar.models.in_space.take_steps", fails)
+    plane.solve()
+    found = in_space_of(plane, solid, "strain").estimate(plane)
+    assert found.indicator == "the steps in space fail" and np.isinf(found.errors[ENERGY])
+    assert not solid.equations.bulk.values.any()
+
+
 @pytest.mark.once
 def test_estimate_on_a_mesh_that_is_not_revolved():
     """A disc of bricks whose nodes are anywhere; the difference of the meshes is an error, too."""

@@ -80,6 +80,17 @@ def same_fields(one, other, x):
     )
 
 
+@pytest.mark.parametrize("kind", [fm.Circle, fm.Sphere])
+def test_salient_points_are_on_all_sides_of_a_ball(kind):
+    centre = np.array((1.0, -2.0, 3.0))[: 2 if kind is fm.Circle else 3]
+    away = (kind(centre, 0.5).salient_points() - centre) / 0.5
+    assert len(away) == 3 ** len(centre) - 1
+    assert np.allclose(np.linalg.norm(away, axis=1), 1.0, atol=1e-14)
+    # opposite points, and as many across as along each axis
+    assert np.allclose(away.T @ away, len(away) / len(centre) * np.eye(len(centre)), atol=1e-13)
+    assert np.allclose(away.sum(axis=0), 0.0, atol=1e-13)
+
+
 @pytest.mark.each
 @pytest.mark.parametrize("kind", WITH_PIVOT)
 def test_surface_does_not_depend_on_the_pivot(kind):

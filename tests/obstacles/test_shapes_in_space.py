@@ -144,11 +144,19 @@ def test_rotation_vectors():
         w = random.normal(size=3)
         w *= size / np.linalg.norm(w)
         R = rotation_by(w)
-        assert np.allclose(R @ R.T, np.eye(3), rtol=0, atol=2e-15)
         assert np.allclose(vector_of(R), w, rtol=0, atol=1e-14 + 1e-9 * (size > 3.14))
         for i, step in enumerate(1e-6 * np.eye(3)):
             dR = (rotation_by(w + step) - rotation_by(w - step)) / 2e-6
             assert np.allclose(np.cross(spins(w)[:, i], R.T).T, dR, rtol=0, atol=1e-9)
+
+
+@pytest.mark.serial
+def test_rotations_do_not_stretch():
+    """Many rotation vectors, of up to three turns."""
+    random = np.random.default_rng(3)
+    for w in random.normal(size=(5000, 3)) * random.uniform(1e-6, 6.0, (5000, 1)):
+        R = rotation_by(w)
+        assert np.abs(R @ R.T - np.eye(3)).max() < 1e-15
 
 
 def spins(w):

@@ -310,9 +310,11 @@ def test_symmetry_planes(mu):
         scene.set_up([pair], newton=TIGHT)
         for z in (-0.05, -0.15):
             obstacle.move(z=z)
-            scene.problem.solve()
-        found.append(obstacle.reaction[2])
-    assert found[0] == pytest.approx(4.0 * found[1], rel=1e-9)
+            certificate = scene.problem.solve().certificate
+        found.append((obstacle.reaction[2], certificate.pairs[0]["obstacle_angle"].value))
+    (whole, angle), (part, angle_of_part) = found
+    assert whole == pytest.approx(4.0 * part, rel=1e-9)
+    assert angle_of_part == pytest.approx(angle, rel=1e-6)
 
 
 def quarter(n=10, length=10.0, stretch=4.0):

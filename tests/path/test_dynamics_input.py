@@ -22,6 +22,23 @@ def moving(**options):
     return made, made.dynamics("massless", **options)
 
 
+def test_states_before_a_motion():
+    """One of statics has no velocity; one of the motion may be restored before the first step."""
+    made = free_block(cells=3)
+    at_rest = made.problem.state()
+    motion = made.dynamics("massless")
+    with refused(fm.MortarError, "the state is one at rest, and this problem has a Dynamics"):
+        made.problem.restore(at_rest)
+    made.problem.restore(made.problem.state())
+    assert motion.step(0.01).converged
+
+
+def test_functions_of_a_run_are_functions():
+    _, motion = moving()
+    with refused(ValueError, "set_loads=0.1: expected a function of the time, or None"):
+        motion.run(0.1, fm.SteppingOptions(step=0.1), 0.1)
+
+
 def test_damping_that_would_have_no_effect_is_refused():
     """A ``Velocity`` in the residual is zero unless this object is passed."""
     made, other = free_block(cells=3), free_block(cells=3)

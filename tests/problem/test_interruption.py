@@ -198,7 +198,7 @@ def test_a_model_check_may_be_interrupted_anywhere():
 
 @pytest.mark.once
 @pytest.mark.serial
-def test_an_estimate_by_a_problem_in_space_may_be_interrupted_anywhere():
+def test_an_estimate_by_a_problem_in_space_may_be_interrupted_anywhere(monkeypatch):
     """Errors are the same afterwards, with slip counted from the same state."""
     law = fm.Coulomb(0.3)
     solid = strip_in_space(0.3, depth=0.0, layers=1, law=law)
@@ -221,6 +221,19 @@ def test_an_estimate_by_a_problem_in_space_may_be_interrupted_anywhere():
     start()
     assert errors(0.02, -0.03) == pytest.approx(expected, rel=1e-6)
     assert not solid.state().u.any()
+    calls, restore = [], type(solid).restore
+
+    def interrupted(problem, state):
+        calls.append(state)
+        if len(calls) == 3:  # that at the end of the comparison
+            raise KeyboardInterrupt
+        restore(problem, state)
+
+    monkeypatch.setattr(type(solid), "restore", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        plane.solve()
+    monkeypatch.undo()
+    assert len(calls) == 3 and not solid.state().u.any()
 
 
 @pytest.mark.once

@@ -59,6 +59,18 @@ def test_a_number_for_a_vector_is_refused_with_the_argument_that_is_missing():
             fm.dirichlet(V, data, "lower/bottom", value)
     with pytest.raises(fm.MeshError, match=r"omit component"):
         fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0), component=1)
+    for space, component in ((V, 1), (fm.scalar_space(data.mesh, 1), None)):
+        value = (0.0, 0.0, 0.0) if space is V else (0.0, 0.0)
+        with pytest.raises(fm.MeshError, match=r"shape \(\d,\); expected \(\)$"):
+            fm.dirichlet(space, data, "lower/bottom", value, component=component)
+
+
+def test_the_mesh_of_an_elastic_obstacle_is_refused_for_its_mesh_data():
+    data = small_blocks().data
+    w = fem.Function(fm.vector_space(data.mesh, 1))
+    plane, residual = fm.Plane((0.0, 0.0), (0.0, 1.0)), internal(w, linear_elastic(w, 1.0, 0.3))
+    with pytest.raises(ValueError, match=r"data=.*: expected the MeshData of the mesh of the obs"):
+        fm.ElasticObstacle(plane, residual, w, data.mesh, "lower/top")
 
 
 def test_an_offset_may_be_one_number():

@@ -68,3 +68,14 @@ def test_basis_is_regular_where_the_relaxation_vanishes_by_rounding():
     M = np.array([[0.0, 1.0], [-1.0, 1.0]])
     basic = lemke(M, np.array([-1e-14, 1.0]))
     assert np.linalg.cond(np.where(basic, -M, np.eye(2))) < 10.0
+
+
+@pytest.mark.parametrize("unit", [1e-15, 1e12])
+def test_solutions_do_not_depend_on_the_unit(unit):
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        A, q = random.normal(size=(8, 8)), random.normal(size=8)
+        basic = lemke(A @ A.T, unit * q)
+        assert np.array_equal(basic, lemke(A @ A.T, q))
+        z = np.where(basic, np.linalg.solve(np.where(basic, -A @ A.T, np.eye(8)), unit * q), 0.0)
+        assert (z >= 0.0).all() and (A @ A.T @ z + unit * q >= -1e-9 * unit).all()

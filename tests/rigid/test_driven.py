@@ -250,6 +250,27 @@ def test_block_between_a_floor_and_a_lid():
     assert np.ptp(pressure) < 1e-9 * pressure.mean()
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("height", [0.98, 1.0, 1.2])
+def test_oblique_push_is_held_by_friction_from_the_start(height):
+    """Also of an obstacle in the air; a push above the friction drives it away."""
+    obstacle = fm.Plane((0.5, height), (0.0, -1.0))
+    problem = block_under(obstacle, pair={"law": fm.Coulomb(0.5)})
+    obstacle.push(x=0.15, y=-1.0, moment=0.1)
+    assert problem.solve().certificate.violations() == []
+    assert np.abs(obstacle.reaction + np.array([0.15, -1.0, 0.1])).max() < 1e-10
+    away = fm.Plane((0.5, height), (0.0, -1.0))
+    problem = block_under(away, pair={"law": fm.Coulomb(0.5)})
+    away.push(x=0.6, y=-1.0, moment=0.1)
+    with pytest.raises(fm.MortarError, match="can move along .* freely"):
+        problem.solve()
+    beside = fm.Plane((0.5, 1.0), (0.0, -1.0))  # touches without pressure: nothing rubs
+    problem = block_under(beside, pair={"law": fm.Coulomb(0.5)})
+    beside.push(x=0.1)
+    with pytest.raises(fm.MortarError, match="can move along .* freely"):
+        problem.solve()
+
+
 @pytest.mark.each
 @pytest.mark.parametrize(
     "loads, message",

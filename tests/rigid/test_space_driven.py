@@ -263,6 +263,29 @@ def test_springs_have_the_derivative_of_their_forces():
     assert np.abs(exact - np.diag(np.diag(exact))).max() > 0.05 * np.abs(exact).max()
 
 
+@pytest.mark.once
+@pytest.mark.parametrize("height", [0.99, 1.0, 1.2])
+def test_oblique_push_is_held_by_friction_from_the_start(height):
+    """Also of a lid in the air, or that overlaps; pressed on first, it lies nearly the same way."""
+    push = {"x": 0.003, "y": -0.006, "z": -0.06, "moment": (1e-3, -1e-3, 5e-4)}
+    places = []
+    for first in (False, True):
+        lid = fm.Plane((0.3, 0.3, height), (0.0, 0.0, -1.0))
+        scene = columns(lid, 0.5, only=(0.0, 0.0, 1.0))
+        if first:
+            lid.move(z=0.99 - height)
+            scene.problem.solve()
+        lid.push(**push)
+        report = scene.problem.solve()
+        assert report.certificate.violations() == []
+        assert (
+            np.abs(lid.reaction + np.array([3e-3, -6e-3, -6e-2, 1e-3, -1e-3, 5e-4])).max() < 1e-10
+        )
+        places.append(lid.place.copy())
+    if height <= 1.0:  # in the air it turns as far as its moment drives it
+        assert np.abs(places[0] - places[1]).max() < 1e-2 * np.abs(places[1]).max()
+
+
 # What is refused
 
 

@@ -28,7 +28,7 @@ from meshes.mapped_boxes import Box, block
 
 TILTED = Rotation.from_rotvec([0.4, -0.7, 0.5]).as_matrix()
 FREELY = r"body 'block' can {} freely: it is driven by loads"
-SLIDES = "^body 'block' slides, and friction is too small to hold it: it begins to move along"
+SLIDES = "^body 'block' slides, with too little friction to hold it: it begins to move along"
 
 # One block
 
@@ -52,7 +52,7 @@ def test_block_rests_under_its_weight(cell, order, sides):
 def test_block_falls_onto_the_ground(mu):
     made = scene(free_block(corner=(-0.5, -0.5, 0.4)), GROUND).hold("ground/bottom")
     report = made.touch(("block/bottom", "ground/top"), mu=mu).rests()
-    assert "body 'block' was moved rigidly until contact stopped it" in report.notes
+    assert "body 'block' was moved rigidly until contact stopped it, by about 0.4" in report.notes
     force, moment = made.reaction("ground/bottom")
     assert np.allclose(force, [0.0, 0.0, 0.6], atol=1e-6) and np.abs(moment).max() < 1e-5
     assert made.place()[1][2] == pytest.approx(-0.4, abs=1e-3)
@@ -341,7 +341,9 @@ def test_path_ends_where_friction_is_exceeded(angle):
 def test_ball_rests_at_the_bottom_of_a_bowl(mu):
     made = ball_in_a_bowl(0.0, 0.0, 0.2, mu)
     report = made.rests()
-    assert "body 'block' was moved rigidly until contact stopped it" in report.notes
+    assert any(
+        "'block' was moved rigidly until contact stopped it" in note for note in report.notes
+    )
     force, moment = made.reaction("bowl/bottom")
     assert force[2] > 0.45 and np.abs(force[:2]).max() < 1e-7
     assert np.abs(moment).max() < 1e-4

@@ -6,6 +6,7 @@ import pytest
 from one_rank import either, raised_on_the_last_rank, several_ranks
 from refusal import refused, refused_with_address
 from scenes import internal, neo_hookean
+from sensitivity_scenes import two_steps
 from small_scenes import small_blocks
 
 from dolfinx import fem
@@ -62,6 +63,34 @@ def test_pairs_are_numbers_from_zero_on():
         fm.gradient(sensitivity.TotalForce(1, (0.0, 1.0)), MU, problem)
     with refused(ValueError, "pair 1: expected a number from 0 to 0"):
         fm.gradient(FORCE, sensitivity.Offset(1), problem)
+
+
+def test_mean_gap_of_nodes_without_partner():
+    wide = {"n_lower": 9, "n_upper": 4, "width_lower": 1.8, "width_upper": 1.0}
+    scene, _, _ = two_steps(fm.Coulomb(0.3), slave="lower", **wide)
+    alone = np.flatnonzero(~scene.contact.covered)
+    with refused(fm.MortarError, "none of the slave nodes of MeanGap faces the master"):
+        fm.gradient(sensitivity.MeanGap(0, alone), MU, scene.problem)
+
+
+def test_steps_without_mean_gap_that_do_not_count():
+    scene = small_blocks(pair={"law": fm.Coulomb(0.3), "search_radius": 0.3})
+    path = sensitivity.RecordedPath(scene.problem)
+    for number, height in enumerate((0.5, -0.02), 1):
+        scene.loads["push"].value[:] = 0.01, height
+        scene.problem.time = float(number)
+        scene.problem.solve()
+        path.record()
+    gap = sensitivity.MeanGap(0)
+    found = sensitivity.tangent_linear(gap**2, MU, 0.01, path)
+    assert np.isnan(found.values[0]) and np.isfinite([found.value, found.derivative]).all()
+    with refused(fm.MortarError, "quantity 0 has no value in step 0"):
+        sensitivity.tangent_linear(gap, MU, 0.01, path, over_steps=sensitivity.total)
+
+    def end(values):
+        return values[-1, 0], np.array([[0.0], [1.0]])
+
+    assert fm.gradient(gap**2, MU, path, over_steps=end).value == found.value
 
 
 def test_numbers_of_quantities_and_functions_of_steps():

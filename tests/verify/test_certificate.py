@@ -57,6 +57,16 @@ def test_moment_of_flat_contact_balances():
     assert scene.problem.certificate().pairs[0]["moment"].value < 1e-14  # to rounding
 
 
+def test_penetration_inside_a_segment_is_measured():
+    """The middle node of a quadratic facet enters a flat facet with the same ends."""
+    scene = pressed_blocks(n_upper=4, n_lower=4, width_upper=1.0, width_lower=1.0, degree=2)
+    slave = scene.contact.slave
+    x = scene.contact.operators.x[slave.owned, 0]
+    scene.u.x.array[slave.local_dofs[np.isclose(x, 0.375), 1]] -= 0.02
+    (found,) = scene.problem.certificate().pairs
+    assert found["penetration"].value == pytest.approx(0.02 / 0.25, rel=1e-12)
+
+
 def test_tension_and_overlap_are_violations():
     scene = solved(n_upper=7, n_lower=11)
     contact = scene.contact

@@ -18,6 +18,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.finding import Crossing
+from fenics_mortar.verify.passages import Passed
 from meshes import mapped_boxes, mapped_grids, rings
 from meshes.mapped_boxes import Box
 from meshes.mapped_grids import Grid
@@ -241,18 +242,15 @@ def test_passage_through_an_obstacle_is_reported(obstacle, moves):
 
 
 def test_exit_through_the_first_facet_is_reported():
-    """Numbers of exit facets begin at 0; -1 means none."""
+    """Numbers of exit facets begin at 0."""
     _, problem = block_over_plate()
     crossings = problem.equations.crossings
     outline = crossings.outline
     body = int(outline.segment_bodies[0])
     node = np.flatnonzero(outline.bodies != body)[0]
-    for leaves, count in ((0, 1), (-1, 0)):
-        rows = np.array([[node, 0, leaves, 0.0]])
-        messages = crossings.in_step._messages(
-            rows, body, crossings.accepted.x, lambda x: np.zeros(len(x))
-        )
-        assert len(messages) == count and all("went through" in each for each in messages)
+    passed = Passed(np.array([[node, node]]), *np.zeros((2, 1, 2)), np.array([[1, 0]]))
+    (message,) = crossings.in_step._messages("nodes", passed, crossings.accepted.x, body)
+    assert "went through" in message
 
 
 # Outside pairs

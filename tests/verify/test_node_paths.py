@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: MIT
 """Random paths of bodies in a step: sliding is not reported, passages are."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from scenes import rotation
 from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
-from fenics_mortar.kernels import passage
+from fenics_mortar.interface.outline import Outline
 from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import Motions, Paths, StepEnds
-from fenics_mortar.verify.obstacle_passages import events_on, own_frame, passed_through
+from fenics_mortar.verify.obstacle_passages import own_frame, passed_through
+from fenics_mortar.verify.overlap import depths_in_body
+from fenics_mortar.verify.passages import Passages
 
 
 def node_paths(motions):
@@ -19,21 +23,32 @@ def node_paths(motions):
     return np.array([motions.at(t) for t in np.arange(sections + 1) / sections])
 
 
+def passages_of(x, segments, bodies):
+    """Detection of passages of nodes at ``x`` without pairs."""
+    every = np.arange(len(x))
+    none = np.zeros(len(x), int)
+    o = Outline(x, every, bodies, segments, segments, none, none[:, None], MPI.COMM_SELF)
+    return Passages(o, [], [], None, {})
+
+
 def count_passages(x0, x1, segments, after, before, bodies):
-    """Number of paths through bodies, searched as in ``Passages``."""
-    of_segments, count = bodies[segments[:, 0]], 0
-    paths = Paths(StepEnds(x0, x1, np.zeros(len(x0), bool)), bodies, [], 1e-3)
-    none = np.full(len(x1), -1)
-    lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
-    for i, body in enumerate(paths.motions.labels):
-        along, at = paths.seen_from(paths.frame_of(i)), np.flatnonzero(of_segments == body)
-        every = events_on(along, passage.find_events, np.arange(len(x0)), segments[at])
-        every[:, 1] = at[every[:, 1].astype(int)]
-        rows = passage.find_passages(
-            along, segments, after, before, none, lengths, of_segments, every
-        )
-        count += int((rows[:, 2] >= 0).sum())
-    return count
+    """Number of paths through bodies, those of all nodes as in a problem."""
+    paths = Paths(StepEnds(x0, x1, np.zeros(len(x0), bool)), bodies, {}, 1e-3)
+    found, every = passages_of(x0, segments, bodies), np.ones(len(x0), bool)
+    through = (found.nodes_through(paths.seen_from(i), i, every) for i in np.unique(bodies))
+    return sum(len(passed.ends) for passed, _ in through)
+
+
+def passages(start, end):
+    """Nodes through loops that move from ``start`` to ``end`` straight; depths of others inside."""
+    x0, segments, _, _, bodies = outline(*start)
+    x1 = outline(*end)[0]
+    found, through, depths = passages_of(x0, segments, bodies), [], []
+    for body in np.unique(bodies):
+        passed, inside = found.nodes_through(np.array([x0, x1]), body, bodies != body)
+        through += passed.ends[:, 0].tolist()
+        depths += depths_in_body(found.outline, x1, body, x1[inside])[0].tolist()
+    return set(through), np.array(depths)
 
 
 @pytest.mark.serial
@@ -109,3 +124,81 @@ def test_passage_of_a_small_obstacle_between_nodes_is_detected(middle, depth):
     moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))
     knots = node_paths(Motions(StepEnds(x0, moved), (np.arange(1), np.zeros(11, np.int64))))
     assert (passed_through(ball, knots, np.zeros(11), np.full(11, 0.1)) > 0.0).any()
+
+
+@pytest.mark.parametrize("thickness", [0.01, 0.3, 1.0])
+def test_only_paths_through_a_plate_are_passages(thickness):
+    plate = rectangle(-2.0, -thickness, 4.0, thickness, 0.25)
+    block = rectangle(-0.4, 0.1, 0.8, 0.5, 0.2)
+    through, inside = passages([plate, block], [plate, block - [0.3, 3.0]])
+    assert through >= set(range(len(plate), len(plate) + len(block)))
+    assert not inside.any()
+    for move in ([3.0, 0.0], [0.3, -0.099], [-4.0, 0.0]):
+        through, inside = passages([plate, block], [plate, block + move])
+        assert not through and not inside.any()
+    resting = block - [0.0, 0.1 + 1e-9]
+    assert passages([plate, resting], [plate, resting - [0.0, 3.0]])[0]
+    for move in ([0.5, 0.0], [-1.0, 1e-9], [1.1, 0.0], [0.3, 2.0]):
+        assert not passages([plate, resting], [plate, resting + move])[0]
+
+
+def test_path_across_a_corner_is_no_passage():
+    """A node slides off the end of a plate, and round the corner of a block."""
+    plate = rectangle(-2.0, -0.1, 4.0, 0.1, 0.25)
+    tip = np.array([(1.9, 0.0), (2.6, 0.3), (2.5, 0.5)])
+    assert not passages([plate, tip], [plate, tip - [0.0, 0.25]])[0]
+    block = rectangle(-2.0, -4.0, 4.0, 4.0, 0.25)
+    tip = np.array([(1.0, 0.01), (1.5, 0.3), (1.2, 0.5)])
+    assert not passages([block, tip], [block, np.add(tip, [1.1, -1.5])])[0]
+
+
+@pytest.mark.parametrize("deep", [0.05, 0.3])
+def test_path_that_ends_inside_has_its_depth(deep):
+    plate = rectangle(-2.0, -1.0, 4.0, 1.0, 0.25)
+    block = rectangle(-0.4, 0.1, 0.8, 0.5, 0.2)
+    through, inside = passages([plate, block], [plate, block - [0.0, 0.1 + deep]])
+    assert not through
+    assert inside.max() == pytest.approx(deep)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+@pytest.mark.parametrize("seed", range(20))
+def test_path_out_along_an_edge_does_not_end_inside(seed, turn):
+    """Bodies fitted with interference, whose ends are on one line up to rounding."""
+    rng = np.random.default_rng(seed)
+    outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.005), rectangle(-0.5, 0.0, 0.55, 0.1, 0.005)
+    R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    start = [x + rng.uniform(-1e-17, 1e-17, x.shape) for x in (outer, inner)]
+    end = [outer + np.array([0.01, 0.0]), inner - np.array([0.04, 0.0])]
+    through, inside = passages([x @ R.T for x in start], [x @ R.T for x in end])
+    assert not through
+    assert inside.max(initial=0.0) < 1e-12  # nodes that end on the edge up to rounding
+    moved = np.array([0.2, 0.03]) + inner
+    _, inside = passages([x @ R.T for x in start], [outer @ R.T, moved @ R.T])
+    assert inside.max() == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 2.5])
+def test_paths_through_a_body_with_a_closed_crack_are_passages(turn):
+    """Both faces of the crack are met at the same time: entries and exits come in any order."""
+    tips = [np.array([(0.03 + c, 0.1), (0.45 + c, 0.4), (c - 0.37, 0.5)]) for c in (-0.9, 0.0, 0.8)]
+    halves = [rectangle(-2.0, y, 4.0, 0.5, 0.25) for y in (-1.0, -0.5)]
+    x0, segments, _, _, loops = outline(*[x @ rotation(turn).T for x in (*halves, *tips)])
+    bodies = np.where(loops < 2, 0, loops)
+    x1 = x0 + (bodies > 0)[:, None] * (rotation(turn) @ [0.1, -3.0])
+    passed, _ = passages_of(x0, segments, bodies).nodes_through(np.array([x0, x1]), 0, bodies > 0)
+    assert set(passed.ends[:, 0]) == set(np.flatnonzero(bodies > 0))
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("thickness", [0.05, 0.005])
+def test_paths_through_a_plate_that_bends_meanwhile_are_passages(bend, thickness):
+    """Three bodies pass at different times of the step; the plate moves by many thicknesses."""
+    plate = rectangle(-2.0, -thickness, 4.0, thickness, 0.1)
+    places = ((-1.5, 0.2), (0.0, 1.5), (1.5, 2.5))
+    tips = [np.array([(0.0, 0.0), (0.05, 0.1), (-0.05, 0.1)]) + place for place in places]
+    x0, segments, _, _, bodies = outline(plate, *tips)
+    x1 = x0 - (bodies > 0)[:, None] * [0.0, 3.0]
+    x1[bodies == 0, 1] += 0.5 * bend * (x0[bodies == 0, 0] ** 2 - 4.0 / 3.0)
+    passed, _ = passages_of(x0, segments, bodies).nodes_through(np.array([x0, x1]), 0, bodies > 0)
+    assert set(passed.ends[:, 0]) == set(np.flatnonzero(bodies > 0))

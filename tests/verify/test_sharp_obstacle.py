@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Corners of obstacles that press between two nodes of a flat surface."""
+"""Obstacles that press between two nodes of a flat surface, in the plane and in space."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from meshes import half_cylinder_on_block
+from meshes import half_cylinder_on_block, mapped_boxes
 
 
 def tip(*middles):
@@ -69,3 +69,51 @@ def test_round_obstacles_are_not_sharp(radius):
         certificate = problem.solve().certificate
         assert max(pair["obstacle_angle"].value for pair in certificate.pairs) < 0.05
         assert np.abs(problem.contacts[0].total_force[1]) > 0.1
+
+
+def pressed(obstacle, counts, size, held, order, modulus, cell="hexahedron"):
+    """A block in space, fixed at the side ``held``, with an ``obstacle`` above its top."""
+    box = mapped_boxes.Box("block", mapped_boxes.block(counts, size=size, order=order))
+    data = mapped_boxes.mesh([box], cell=cell, order=order)
+    V = fm.vector_space(data.mesh, order)
+    u = fem.Function(V)
+    psi = fm.energies.neo_hookean(u, *fm.energies.lame(modulus, 0.0))
+    residual = ufl.derivative(psi * ufl.dx(degree=2 * order), u)
+    pair = fm.ContactPair(data, "block/top", obstacle, law=fm.Coulomb(0.2))
+    bcs = [fm.dirichlet(V, data, f"block/{held}", (0.0, 0.0, 0.0))]
+    return fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="test_")
+
+
+def angle_of(report):
+    return report.certificate.pairs[0]["obstacle_angle"].value
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(
+    ("cell", "cells", "expected"),
+    [("hexahedron", 12, 0.084), ("tetrahedron", 24, 0.68), ("hexahedron", 24, 1.0)],
+)
+def test_cylinder_that_enters_the_last_facets_of_a_sheet(cell, cells, expected):
+    """The end beside it carried the force, up to 12 times too small, without a remark."""
+    thickness, arm, depth = 0.01, 0.98, 0.002
+    cylinder = fm.Cylinder((arm, 0.0, thickness + 0.1), (0.0, 1.0, 0.0), 0.1)
+    problem = pressed(cylinder, (cells, 2, 1), (1.0, 0.2, thickness), "left", 2, 1e6, cell)
+    cylinder.move(z=-depth)
+    report = problem.solve()
+    beam = 3.0 * 1e6 * (0.2 * thickness**3 / 12.0) * depth / arm**3
+    assert cylinder.reaction[2] / beam == pytest.approx(expected, abs=0.01)
+    told = any("sharper than they are" in remark for remark in report.certificate.remarks())
+    assert told == (angle_of(report) > 0.19) == (expected != 1.0)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("middle", [(1.3, 0.5), (1.3, 1.2)])
+def test_edge_or_corner_of_a_block_on_a_sphere_beside_it_is_not_sharp(middle):
+    """Beyond the rim of its top the block continues at a right angle."""
+    beside = np.maximum(np.subtract(middle, 1.0), 0.0)
+    ball = fm.Sphere((*middle, 0.5 + (1.0 - beside @ beside) ** 0.5), 1.0)
+    problem = pressed(ball, (4, 4, 2), (1.0, 1.0, 0.5), "bottom", 1, 100.0)
+    ball.move(z=-0.02)
+    report = problem.solve()
+    assert abs(ball.reaction[0]) > 0.2 * abs(ball.reaction[2]) > 0.0
+    assert angle_of(report) < 0.02

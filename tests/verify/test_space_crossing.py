@@ -172,11 +172,23 @@ def test_a_plate_that_went_through_another_one():
 
 
 @pytest.mark.once
-def _passages(scene, x1):
-    """Messages on the step from the accepted positions to ``x1``."""
+def _passages(scene, x1, x0=None):
+    """Messages on the step to the positions ``x1``, from the accepted ones or ``x0``."""
     crossings = scene.crossings
-    paths = SpacePaths(StepEnds(crossings.accepted.x, x1), crossings.outline.bodies, {}, 1e-3)
-    return crossings._through.find(paths)
+    ends = StepEnds(crossings.accepted.x if x0 is None else x0, x1)
+    return crossings.in_step.find(ends, crossings._allowed)[0]
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(("ahead", "through"), [(-1.27, True), (-4.5, False), (1.5, False)])
+def test_a_plate_that_went_obliquely_through_another_one(ahead, through):
+    """By less than a tenth of the way between entry and exit below the surface; or beside it."""
+    scene = plates()
+    x0, hull = scene.crossings.accepted.x, scene.crossings.outline
+    upper = (hull.bodies == hull.bodies[np.argmax(hull.X[:, 2])])[:, None]
+    start = x0 + upper * [ahead, 0.0, 0.0]
+    told = _passages(scene, start + upper * [5.85 * 0.55, 0.0, -0.55], start)
+    assert bool(told) == through
 
 
 def test_a_plate_that_went_through_in_turned_frames():

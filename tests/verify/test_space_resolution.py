@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from refusal import refused
@@ -11,6 +13,7 @@ from space_pair_scenes import bodies, cap_on_block, cylinder_on_block, shaft_in_
 import fenics_mortar as fm
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from fenics_mortar.verify.checks.friction_work import work_along_arcs
+from fenics_mortar.verify.checks.resolution import _edges_between_nodes
 from meshes.mapped_boxes import Box, block
 
 
@@ -118,6 +121,33 @@ def test_a_corner_on_a_face_touches_with_a_node():
     assert remarks_with(report, "1 active node at (")
 
 
+def corners_of_cubes(beside, depth, count=2):
+    """Two cubes on corners of their own, one above the other, whose sides are parallel."""
+    turn = rotation_by(np.cross((1.0, 1.0, 1.0), (0.0, 0.0, 1.0)) * np.arccos(3**-0.5) / 2**0.5)
+    upper = block((count,) * 3) @ turn.T + (*beside, 0.0)
+    lower = block((count,) * 3, corner=(-1.0, -1.0, -1.0)) @ turn.T
+    above, below = ("right", "back", "top"), ("left", "front", "bottom")
+    held = [f"upper/{side}" for side in above] + [f"lower/{side}" for side in below]
+    sides = [f"upper/{side}" for side in below], [f"lower/{side}" for side in above]
+    scene = bodies((Box("upper", upper), Box("lower", lower)), held, [sides], law=fm.Coulomb(0.2))
+    for side in above:
+        scene.move(f"upper/{side}", (0, 0, -depth))
+    return scene
+
+
+@pytest.mark.once
+def test_corners_that_touch_beside_each_other_are_not_resolved():
+    """On 0.2 % of facets beside edges of the slave: on half the facets the force is a fifth."""
+    report = corners_of_cubes((0.03, 0.01), 0.06).solve()
+    assert value_of(report, "unresolved_force") == pytest.approx(1.0)
+
+
+@pytest.mark.once
+def test_corners_that_stand_on_each_other_are_told():
+    with refused(fm.NotConvergedError, "touch on less than 5% of their facets, .* move one side"):
+        corners_of_cubes((0.0, 0.0), 0.005).solve()
+
+
 @pytest.mark.once
 def test_a_corner_with_linear_multipliers_tells_the_quadratic_ones():
     """Mean gaps over the facets around the corner are open; those of its own node are not."""
@@ -137,3 +167,21 @@ def test_nodes_that_open_and_close_in_turn_are_told_with_a_remedy():
     told = "1 nodes of 'lower/top' open and close in turn, .* exchange slave and master"
     with refused(fm.NotConvergedError, told):
         scene.solve()
+
+
+@pytest.mark.parametrize(("size", "at_vertices"), [(9, False), (9, True), (6, False), (6, True)])
+def test_neighbours_on_a_face_of_order_two(size, at_vertices):
+    """Along its sides by halves and across it; of corners alone if no others carry multipliers."""
+    facets = np.arange(size)[None]
+    contact = SimpleNamespace(slave=SimpleNamespace(dim=3, facets=facets), at_vertices=at_vertices)
+    found = {tuple(map(int, edge)) for edge in _edges_between_nodes(contact)}
+    count = 4 if size == 9 else 3
+    sides = [(i, (i + 1) % count, count + i) for i in range(count)]
+    if at_vertices:
+        expected = {(a, b) for a, b, _ in sides}
+    else:
+        halves = {(end, middle) for a, b, middle in sides for end in (a, b)}
+        middles = [middle for *_, middle in sides]
+        across = {(m, 8) for m in middles} if size == 9 else {(3, 4), (4, 5), (3, 5)}
+        expected = halves | across
+    assert found == {tuple(sorted(edge)) for edge in expected}

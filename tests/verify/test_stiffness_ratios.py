@@ -91,3 +91,17 @@ def test_wrong_contact_forces_beside_a_stiffer_body_are_refused(ratio, slave):
     _, _, scene = in_the_plane(ratio, slave)
     scene.contact.change(z=1.001 * scene.contact.z)
     assert any("balance" in text for text in scene.problem.certificate().violations())
+
+
+@pytest.mark.parametrize(("ratio", "rounded"), [(1e-14, 1), (1e-9, 0), (1e9, 0), (1e14, 1)])
+def test_reactions_of_a_body_so_stiff_that_they_are_rounding_are_a_remark(ratio, rounded):
+    _, _, scene = in_the_plane(ratio, "upper")
+    found = scene.problem.certificate().rounded
+    assert len(found) == rounded
+    assert all(f"body '{'upper' if ratio > 1.0 else 'lower'}'" in text for text in found)
+
+
+def test_rounding_of_a_stiff_body_that_touches_nothing_is_no_remark():
+    _, _, scene = in_the_plane(1e14, "upper")
+    scene.loads["push"].value[:] = (0.0, 0.5)
+    assert scene.problem.solve().certificate.rounded == []

@@ -26,6 +26,7 @@ from fenics_mortar.kernels.space.inside import bulge, is_hidden, is_nearer_elsew
 from fenics_mortar.kernels.space.integrals import lift
 from fenics_mortar.kernels.space.normals import find_point, flatten, piece_edges, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of, triangles_of
+from fenics_mortar.kernels.space.triangles import NO_ROLES, is_master
 from fenics_mortar.kernels.tree import build_tree, query_tree, spatial_order
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE
 
@@ -197,20 +198,6 @@ def find_portions(found, count, master_facets):
 
 
 @kernel
-def is_master(roles, slave, other):
-    """Whether facet ``other`` is a master of facet ``slave``; ``roles`` as in ``find_pairs``."""
-    order, near = roles
-    if order.size == 0:
-        return True
-    if order[slave] >= order[other]:
-        return False
-    for facet in near[slave]:
-        if facet == other:
-            return False
-    return True
-
-
-@kernel
 def add_masters(pieces, number, found, count, roles, slave):
     """Add the masters of kept ``pieces`` (c, 5) to the rows ``found`` (c, 4); count the rows."""
     for i in range(number):
@@ -343,7 +330,7 @@ def find_pairs(
     order = spatial_order(m[master_facets[:, 0]])
     behind = nothing_behind(numbers.size) if behind is None else behind
     triangles = triangles_of(slave_facets if roles is None else slave_facets[:0])[0]
-    roles = (np.empty(0, np.int64), np.empty((0, 0), np.int64)) if roles is None else roles
+    roles = NO_ROLES if roles is None else roles
     limits = radius, min_cosine
     return search_pairs(
         x, m, slave_facets, master_facets, order, numbers, limits, behind, triangles, roles

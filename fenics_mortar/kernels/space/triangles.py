@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Triangles in space: distances of points from them, the nearest ones, their normals."""
+"""Triangles in space: distances of points from them, the nearest ones, their normals.
+
+Masters of each facet on a surface in contact with itself.
+"""
 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import cross, dot
 from fenics_mortar.kernels.tree import query_tree
+
+# Order and near facets, see ``is_master``, of a surface that is not in contact with itself.
+NO_ROLES = np.empty(0, np.int64), np.empty((0, 0), np.int64)
 
 
 @kernel
@@ -64,7 +70,33 @@ def nearest_triangle(x, triangles, boxes, hits, p, radius):
 
 
 @kernel
-def facing_normals(x, triangles, boxes, points, n, equal, first, largest):
+def is_master(roles, slave, other):
+    """Whether facet ``other`` is a master of facet ``slave``.
+
+    ``roles``: as in ``pairs.find_pairs``, or ``NO_ROLES``.
+    """
+    order, near = roles
+    if order.size == 0:
+        return True
+    if order[slave] >= order[other]:
+        return False
+    for facet in near[slave]:
+        if facet == other:
+            return False
+    return True
+
+
+@kernel
+def is_master_of_any(roles, slaves, other):
+    """``is_master`` of at least one of the facets ``slaves`` (s,)."""
+    for slave in slaves:
+        if is_master(roles, slave, other):
+            return True
+    return False
+
+
+@kernel
+def facing_normals(x, triangles, boxes, points, n, equal, first, largest, masters):
     """Reversed mean normals of the nearest triangles that face directions ``n``, (k, 3).
 
     Args:
@@ -76,12 +108,15 @@ def facing_normals(x, triangles, boxes, points, n, equal, first, largest):
         equal: Differences of distances that count as none, shape (k,) [length].
         first: First guesses of the distances, shape (k,) [length], positive.
         largest: Largest distance [length].
+        masters: (roles, see ``is_master``; facet of each triangle (t,); where the slave facets at
+            each point start (k + 1,), and these (e,)): only triangles on masters of these count.
     """
+    roles, facets, starts, slaves = masters
     found, box, none = n.copy(), np.empty(6), np.empty((0, 5))
     hits = np.empty(boxes.shape[0] // 2, np.int64)
     normal, distances = np.empty(3), np.empty(hits.size)
     for k in range(len(points)):
-        radius, nearest = min(first[k], largest), np.inf
+        radius, nearest, own = min(first[k], largest), np.inf, slaves[starts[k] : starts[k + 1]]
         while True:
             for d in range(3):
                 box[d] = points[k, d] - radius - equal[k]
@@ -90,7 +125,9 @@ def facing_normals(x, triangles, boxes, points, n, equal, first, largest):
             for i in range(count):
                 a, b, c = corners_of(x, triangles[hits[i]])
                 distances[i] = np.inf
-                if volume(a, b, c, a + n[k]) < 0.0:
+                if volume(a, b, c, a + n[k]) < 0.0 and is_master_of_any(
+                    roles, own, facets[hits[i]]
+                ):
                     distances[i] = np.sqrt(square_on_triangle(points[k], a, b, c))
                 nearest = min(nearest, distances[i])
             if nearest <= radius or radius >= largest:

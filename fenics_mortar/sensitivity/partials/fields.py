@@ -30,7 +30,7 @@ Vectors have d components, and obstacles m motions: 2 and 3 in the plane, 3 and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, reduce
 from operator import add
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -44,7 +44,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields, SpaceFields, VectorRow
 from fenics_mortar.contact.law import Row
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
-from fenics_mortar.interface.mortar import Block, MortarOperators, entries_of
+from fenics_mortar.interface.mortar import Block, entries_of
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
     gaps_along,
@@ -184,15 +184,6 @@ def through_fields(by: Mapping[str, Array], changes: Changes) -> Matrix:
     return reduce(add, (factor @ changes[name] for name, factor in factors.items()))
 
 
-def interleaved(parts: Sequence[Matrix], count: int) -> Matrix:
-    """Matrix of vectors of the nodes from those of their c components, (count, m) each (local).
-
-    Shape (count c, m).
-    """
-    components = np.arange(len(parts) * count).reshape(len(parts), count)
-    return vstack(parts, format="csr")[components.T.ravel()]
-
-
 def rows_at_nodes(slave: Curve, columns: Indices, values: Array) -> Block:
     """Block with one row per slave node, of the nodes owned by this rank (local).
 
@@ -283,13 +274,8 @@ def shear_vector_derivative(f: SpaceFields, layout: Layout) -> Matrix:
         n_a = (n @ a)[:, None]
         row = VectorRow(none, a - n_a * n, np.zeros_like(z), none, -z_n[:, None] * a - n_a * z)
         found.append(by_vectors(f, layout, row))
-    return interleaved(found, count)
-
-
-def off_planes(derivative: Matrix, contact: Contact) -> Matrix:
-    """The derivative of slip with zeros at nodes on symmetry planes (local)."""
-    kept = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
-    return by_node(kept[:, None, None]) @ derivative
+    node_by_node = np.arange(dim * count).reshape(dim, count).T.ravel()
+    return vstack(found, format="csr")[node_by_node]
 
 
 def rows_by_fields(contact: Contact) -> dict[str, Array]:
@@ -312,15 +298,6 @@ def rows_by_fields(contact: Contact) -> dict[str, Array]:
             by_row = getattr(row, attribute).reshape(len(normal), 1, -1)
             by[name] = by.get(name, 0.0) - weight[:, :, None] * by_row
     return by
-
-
-def gap_by_offset(o: MortarOperators) -> Matrix:
-    """Derivative of the weighted gaps g_j - D_jk offset_k, (slave nodes, slave nodes) [length].
-
-    Collective.
-    """
-    nodes, count = o.facet_nodes, len(o.x)
-    return assembled([Block(nodes, nodes, -o.D)], (count, count), o.slave.comm)
 
 
 def moment(contact: Interface, about: Array, axis: Array | None) -> float:

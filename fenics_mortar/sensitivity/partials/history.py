@@ -42,22 +42,24 @@ contradicts difference quotients on both sides is therefore rejected. Branches a
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, eye
 
-from fenics_mortar.contact.arcs import Material, Turned, quarter_turn, spokes_of
+from fenics_mortar.contact.arcs import Material, Screw, quarter_turn
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields, SpaceFields
 from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
-from fenics_mortar.contact.slip import Partners, by_positions, rotation_derivative
+from fenics_mortar.contact.slip import by_positions, rotation_derivative
 from fenics_mortar.interface.facing import nearest_on_master
-from fenics_mortar.interface.integrals import PlaneOperators, share_of
+from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
@@ -65,193 +67,190 @@ from fenics_mortar.sensitivity.partials.fields import (
     Changes,
     Layout,
     Matrix,
+    assembled,
     by_node,
-    interleaved,
     of_law,
     of_vectors,
-    off_planes,
     rows_at_nodes,
     rows_by_fields,
     shear_vector_derivative,
     through_fields,
 )
-from fenics_mortar.utils.arrays import EPSILON, Array, Flags, Indices
+from fenics_mortar.utils.arrays import EPSILON, Array, Indices
 from fenics_mortar.utils.errors import call_together, check_choice
 
-if TYPE_CHECKING:
-    from fenics_mortar.contact.space_partners import ObstaclePartners, SpacePartners
-    from fenics_mortar.interface.space_mortar import SpaceOperators
 
-AXES = np.eye(3)
+def slip_by_earlier(contact: Contact, then: ContactFields, layout: Layout) -> Matrix:
+    """Derivative of the slip of the step by the earlier state, (r slave nodes, size) (collective).
 
-
-def slip_by_earlier(contact: Contact, then: Any, layout: Layout) -> Matrix:
-    """Derivative of the vectors of slip by the earlier state, (3 slave nodes, size) (collective).
+    In the plane of r = 1 number, in space of vectors, r = 3.
 
     Args:
         contact: The contact, evaluated at the end of the step.
-        then: Operators of the state that defines the partners.
+        then: Fields of the state that defines the partners.
         layout: Places of the values of the pair.
     """
-    if not isinstance(then, ObstacleOperators):
-        terms = _TermsInSpace(contact.now.operators, then, contact.partners)
-        return layout.matrix(terms.blocks(), contact.z.size)
-    parts = [layout.nodal(*_past_obstacle(contact, then, a)) for a in AXES]
-    return interleaved(parts, len(then.x))
+    terms = (_TermsInPlane if layout.dim == 2 else _TermsInSpace)(contact, then)
+    rows = np.arange(terms.by_start[:, :, 0].size)[:, None]
+    by_places = layout.matrix(terms.blocks(), rows.size)
+    if not terms.on_obstacle:
+        return by_places
+    by_motion = -np.concatenate([terms.by_start, terms.by_turn() / then.operators.arm], axis=2)
+    columns = layout.motion.start + 0 * rows + np.arange(layout.num_motions)
+    of_rows = Block(rows, columns, by_motion.reshape(rows.size, 1, layout.num_motions))
+    return by_places + assembled([of_rows], (rows.size, layout.size))
 
 
-def _past_obstacle(
-    contact: Contact, then: ObstacleOperators, axis: Array
-) -> tuple[list[Block], None, Array]:
-    """Blocks and derivative by motions of the component of the slip along an axis (local)."""
-    now: Any = contact.operators
-    partners: ObstaclePartners = contact.partners
-    found, slave = partners.at(now), then.slave
-    by_x = np.einsum("jab,a->jb", found.by_vector_then, axis)
-    blocks = [rows_at_nodes(slave, slave.dofs, by_x)]
-    if partners.mirrored is not None:
-        by_spin = found.weights(np.tile(axis, (len(then.x), 1)))[1]
-        blocks += by_positions_at_start(partners.materials(now)[0], found.slave, now.x, by_spin)
-    # the rotation of the obstacle in the step begins at its earlier place
-    spin = found.by_relative @ inverse_jacobians(-partners.turn(now)[None])
-    by_turn = np.einsum("jab,a->jb", spin, axis) / now.arm
-    return blocks, None, -np.hstack([by_x, by_turn])
+class _Terms(ABC):
+    """Terms of the derivative of the slip by both surfaces, r numbers at a node (local).
 
-
-def by_positions_at_start(
-    material: Material, at: Turned, x: Array, along: Array
-) -> Iterator[Block]:
-    """Blocks of along_j . a_j by the positions at the start of a step, with the spins a (local).
+    On an obstacle b' is the vector from the pivot to the node, and the partner has no nodes.
 
     Args:
-        material: The material.
-        at: Its rotations.
-        x: Present positions of the nodes, shape (nodes, 3) [length].
-        along: Shape (n, 3).
-    """
-    surface, (j, l, k, size, kept) = material.surface, material.spokes
-    values = at.by_products(along)[j] * kept
-    values = size[:, None] * np.einsum("sa,sab->sb", x[k] - x[l], values)
-    mine = share_of(np.arange(j.size), surface.comm)
-    for nodes, sign in ((k, 1.0), (l, -1.0)):
-        yield Block(j[mine, None], surface.dofs[nodes[mine]], sign * values[mine, None])
-
-
-class _TermsInSpace:
-    """Terms of the derivative of the slip between two surfaces (local).
-
-    Args:
-        now: Operators at the end of the step.
-        then: Operators of the earlier state.
-        partners: The partners.
+        contact: The contact at the end of the step.
+        then: Fields of the state that defines the partners.
+        by_vectors: Derivatives of the slip by the vectors b now and then, (slave nodes, r, dim)
+            each [1].
     """
 
-    def __init__(self, now: SpaceOperators, then: SpaceOperators, partners: SpacePartners) -> None:
-        self.now, self.then, self.partners = now, then, partners
-        self.found = found = partners.at(now)
-        self.faces = partners.weight > 0.0
-        distance = (partners.present == 0.0)[:, None, None]  # r_0 is zero at other nodes
-        self.by_r = found.by_vector
-        self.by_start = np.where(distance, -found.by_vector @ found.master.Q, 0.0)
-        self.turns = partners.mirrored is not None
-        along = [found.weights(np.tile(axis, (len(now.x), 1))) for axis in AXES]
-        self.by_spins = [np.stack(each, axis=1) for each in list(zip(*along, strict=True))[1:]]
-        if self.turns:
-            by_spin = self.by_spins[1]
-            products = [found.master.by_products(by_spin[:, a]) for a in range(3)]
-            self.by_products = np.stack(products, axis=1)
-            self.around = self._products_around()
-
-    def _products_around(self) -> Array:
-        """Sums of dx_a dx'_b over the nodes around master nodes, (master nodes, 3, 3)."""
-        o, p = self.then, self.partners
-        each = csr_array(eye(len(o.m)))
-        assert p.mirrored is not None
-        _, l, k, _, kept = spokes_of(each, o.master, p.mirrored[1])
-        m, m_0 = self.now.m, p.m
-        sums = np.zeros((len(m), 3, 3))
-        np.add.at(sums, l, (m[k] - m[l])[:, :, None] * (m_0[k] - m_0[l])[:, None] * kept)
-        return sums
-
-    def _by_M(self, j: Indices, l: Indices, sign: Array) -> Array:
-        """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast, the last axis is a vector's [length].
-
-        ``sign`` is that of Q[j, l].
-        """
-        total = -np.einsum("...ab,...b->...a", self.by_r[j], self.now.m[l])
-        total = total - np.einsum("...ab,...b->...a", self.by_start[j], self.then.m[l])
-        if not self.turns:
-            return total
-        turned = np.einsum("...abc,...bc->...a", self.by_products[j], self.around[l])
-        return total + sign[..., None] * turned
+    def __init__(
+        self, contact: Contact, then: ContactFields, by_vectors: tuple[Array, Array]
+    ) -> None:
+        self.now, self.fields, self.then = contact.operators, then, then.operators
+        self.on_obstacle = isinstance(self.then, ObstacleOperators)
+        self.partners = p = contact.partners
+        self.counts = p.present == 0.0  # nodes with a distance at the earlier state
+        self.by_r, by_start = by_vectors
+        self.by_start = np.where(self.counts[:, None, None], by_start, 0.0)
+        self.mean = self._along(slice(None), p.vectors(self.now), p.start)
 
     def blocks(self) -> Iterator[Block]:
-        """Blocks of the derivative of the slip: rows are components, columns dofs of both sides."""
-        yield self._of_matrices()
-        yield from of_nearest(self.then, self.faces, self._by_M)
-        for a in range(3):
-            for block in self._of_component(a):
-                yield block._replace(rows=3 * block.rows + a)
+        """Blocks of the derivative of the slip: rows are its numbers, columns dofs."""
+        o, parts = self.then, self.by_r.shape[1]
+        if not self.on_obstacle:
+            yield from o.matrices_derivative(self._by_D, self._by_M)
+            yield from self._of_nearest()
+        for a in range(parts):
+            of_positions = by_positions(o, (self.partners.D, self.partners.M), self.by_start[:, a])
+            for block in chain(of_positions, self._of_turns(a)):
+                yield block._replace(rows=parts * block.rows + a)
 
-    def _of_component(self, a: int) -> Iterator[Block]:
-        """Terms of a component with P dx' - Q dm' in r_0, and with the rotations of materials."""
-        found, p = self.found, self.partners
-        yield from by_positions(self.then, p.entries, self.by_start[:, a])
-        if not self.turns:
-            return
-        sides = zip(
-            p.materials(self.now), (found.slave, found.master), (self.now.x, self.now.m),
-            self.by_spins, strict=True,
-        )  # fmt: skip
-        for material, at, x, by_spin in sides:
-            yield from by_positions_at_start(material, at, x, by_spin[:, a])
+    def _along(self, j: Any, now: Array, then: Array) -> Array:
+        """Changes of the slip of nodes ``j`` by vectors now and then, (..., dim) each."""
+        return _times(self.by_r[j], now) + _times(self.by_start[j], then)
 
-    def _of_matrices(self) -> Block:
-        """Terms with the changes of D, M and w at nodes with rows in them.
+    def _by_D(self, j: Indices, k: Indices) -> Array:
+        """d(slip of nodes ``j``)/dD[j, k] of nodes with rows in D; shapes broadcast."""
+        change = self._along(j, self.now.x[k], self.then.x[k]) - self.mean[j]
+        return change * self.fields.per_weight[j][..., None]
 
-        A common factor of a row of Q does not change the rotation.
+    def _by_M(self, j: Indices, l: Indices) -> Array:
+        """d(slip of nodes ``j``)/dM[j, l], likewise."""
+        return self._by_Q(j, l) * self.fields.per_weight[j][..., None]
+
+    def _by_Q(self, j: Indices, l: Indices) -> Array:
+        """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast, the last axis is r [length].
+
+        A common factor of a row of Q does not change rotations.
         """
-        o, nodes = self.then, self.then.facet_nodes
-        on = self.faces[nodes]
-        scale = np.where(on, 1.0 / np.where(on, o.weight[nodes], 1.0), 0.0)[:, :, None, None]
-        by_r = self.by_r[nodes]
-        mean = np.einsum("fjab,fjb->fja", by_r, self.found.vector[nodes])
-        by_D = np.einsum("fjab,fkb->fjak", by_r, self.now.x[nodes]) - mean[..., None]
-        j, l = np.broadcast_arrays(nodes[:, :, None], o.segments.merged[:, None])
-        by_M = np.swapaxes(self._by_M(j, l, self._sign_of_M(j, l)), 2, 3)
-        values = o.matrices_derivative(scale * by_D, scale * by_M)
-        rows = 3 * nodes[:, :, None] + np.arange(3)
-        shape = len(nodes), 3 * nodes.shape[1]
-        return Block(rows.reshape(shape), o.columns, values.reshape(*shape, values.shape[3]))
+        return self._by_turns(j, l) - self._along(j, self.now.m[l], self.then.m[l])
 
-    def _sign_of_M(self, j: Indices, l: Indices) -> Array:
-        """Signs of the entries of Q, zero where there is none; shape of ``j`` and ``l`` [1]."""
-        rows, columns, values = self.partners.entries[1]
-        keys = rows * len(self.now.m) + columns
-        order = np.argsort(keys)
-        at = np.searchsorted(keys[order], j * len(self.now.m) + l)
-        at = order[np.minimum(at, keys.size - 1)]
-        return np.where((rows[at] == j) & (columns[at] == l), np.sign(values[at]), 0.0)
+    def _of_nearest(self) -> Iterator[Block]:
+        """Terms with the motion of the nearest points, at nodes without rows in M."""
+        o, j = self.then, np.flatnonzero(~self.fields.covered)
+        corners, weights = nearest_on_master(o, j)
+        mine = share_of(np.arange(j.size), o.slave.comm)
+        j, corners, weights = j[mine], corners[mine], weights[mine]
+        by_Q = self._by_Q(j[:, None], corners)
+        by_x, by_m = weights_of_foot(o.x[j], o.m[corners], weights)
+        rows = by_Q.shape[2] * j[:, None] + np.arange(by_Q.shape[2])
+        yield Block(rows, o.slave.dofs[j], np.einsum("tcr,tcq->trq", by_Q, by_x))
+        yield Block(rows, o.master.dofs_of(corners), np.einsum("tcr,tcq->trq", by_Q, by_m))
+
+    @abstractmethod
+    def by_turn(self) -> Array:
+        """Derivative by the turn of the obstacle, (slave nodes, r, 1 or 3) [length]."""
+
+    @abstractmethod
+    def _by_turns(self, j: Indices, l: Indices) -> Array | float:
+        """Part of ``_by_Q`` through the rotations of the master's material."""
+
+    @abstractmethod
+    def _of_turns(self, a: int) -> Iterator[Block]:
+        """Blocks of component ``a`` through rotations of normals and materials then."""
 
 
-def of_nearest(o: Any, faces: Flags, by_M: Callable[..., Array]) -> Iterator[Block]:
-    """Terms with the motion of the nearest points, at nodes without rows in M (local).
+class _TermsInPlane(_Terms):
+    def __init__(self, contact: Contact, then: ContactFields) -> None:
+        self.orientation, _, self.found = contact.partners.at(contact.operators)
+        by_vectors = self.found.by_vector[:, None], self.found.by_start[:, None]
+        super().__init__(contact, then, by_vectors)
+        if self.orientation is not None:
+            self.before = self.partners.at(self.then).orientation
 
-    Args:
-        o: Operators of the earlier state.
-        faces: Nodes with rows in M, shape (slave nodes,), bool.
-        by_M: Function of nodes (t, 1), corners (t, c) and the signs of their weights (t, c), whose
-            values are the derivatives of the r components of the slip by Q, shape (t, c, r).
-    """
-    j = np.flatnonzero(~faces)
-    corners, weights = nearest_on_master(o, j)
-    mine = share_of(np.arange(j.size), o.slave.comm)
-    j, corners, weights = j[mine], corners[mine], weights[mine]
-    by_Q = by_M(j[:, None], corners, np.sign(weights))
-    by_x, by_m = weights_of_foot(o.x[j], o.m[corners], weights)
-    rows = by_Q.shape[2] * j[:, None] + np.arange(by_Q.shape[2])
-    yield Block(rows, o.slave.dofs[j], np.einsum("tcr,tcq->trq", by_Q, by_x))
-    yield Block(rows, o.master.dofs_of(corners), np.einsum("tcr,tcq->trq", by_Q, by_m))
+    def by_turn(self) -> Array:
+        """Derivative by the angle of the obstacle, (slave nodes, 1, 1) [length]."""
+        return self.found.by_rotation[:, None, None]
+
+    def _by_turns(self, j: Indices, l: Indices) -> Array | float:
+        if self.orientation is None:
+            return 0.0
+        now, then = (
+            np.einsum("...c,...c->...", at.by_partners[j], at.master[l])
+            for at in (self.orientation, self.before)
+        )
+        return (self.found.by_angle[j] * (now - then))[..., None]
+
+    def _of_turns(self, a: int) -> Iterator[Block]:
+        o, found = self.then, self.found
+        if self.on_obstacle:
+            if self.partners.planes is not None:
+                normals = evaluate_normals(o.slave, o.x, "opposite")
+                yield rotation_derivative(o, normals, -found.by_body)
+            return
+        by_normal = np.where(self.counts, found.by_start_normal, 0.0)
+        change = o.normal_derivative(by_normal[:, None] * quarter_turn(o.n))
+        yield rows_at_nodes(o.slave, o.normal_columns(), change)
+        if self.orientation is not None:
+            yield from self.partners.by_angle(o, self.before, -found.by_angle)
+
+
+class _TermsInSpace(_Terms):
+    def __init__(self, contact: Contact, then: ContactFields) -> None:
+        self.found = found = contact.partners.at(contact.operators)
+        on_surface = isinstance(found, Screw)
+        by_start = -found.by_vector @ found.master.Q if on_surface else found.by_vector_then
+        super().__init__(contact, then, (found.by_vector, by_start))
+        self.turned = (found.slave, found.master) if on_surface else (found.slave,)
+        p, o, along = self.partners, self.now, np.eye(3)[:, None] + 0.0 * self.now.x
+        _, *by_spins = zip(*map(found.weights, along), strict=True)
+        self.by_spins = [np.stack(each, axis=1) for each in by_spins]
+        sides = zip(p.materials(o), (o.x, o.m))
+        self.materials = [material.starting_at(x) for material, x in sides]
+        if on_surface and p.planes is not None:
+            of_components = [found.master.by_products(self.by_spins[1][:, a]) for a in range(3)]
+            self.by_products = np.stack(of_components, axis=1)
+            each = csr_array(eye(len(p.m)))
+            self.around = Material(each, self.then.master, p.m, p.planes[1]).products(o.m)
+
+    def by_turn(self) -> Array:
+        """Derivative by spins at its earlier place, where the rotation begins [length]."""
+        turn = self.now.obstacle.turn_since(self.partners.place)
+        return self.found.by_relative @ inverse_jacobians(-turn[None])
+
+    def _by_turns(self, j: Indices, l: Indices) -> Array | float:
+        if self.partners.planes is None:
+            return 0.0
+        turned = np.einsum("...abc,...bc->...a", self.by_products[j], self.around[l])
+        rows, columns = (each.flatten()[:, None] for each in np.broadcast_arrays(j, l))
+        signs = self.partners.M.sign()[rows, columns].toarray()
+        return signs.reshape(*turned.shape[:-1], 1) * turned
+
+    def _of_turns(self, a: int) -> Iterator[Block]:
+        if self.partners.planes is None:
+            return
+        for material, at, by_spin in zip(self.materials, self.turned, self.by_spins, strict=True):
+            yield material.rows(at.by_products(by_spin[:, a]).swapaxes(1, 2))
 
 
 def weights_of_foot(x: Array, corners: Array, weights: Array) -> tuple[Array, Array]:
@@ -268,26 +267,20 @@ def weights_of_foot(x: Array, corners: Array, weights: Array) -> tuple[Array, Ar
     Returns:
         Derivatives by the points, (t, dim, dim), and by the corners, (t, dim, dim^2) [1 / length].
     """
-    count, dim = x.shape
-    by_x, by_corners = np.zeros((count, dim, dim)), np.zeros((count, dim, dim, dim))
-    off = x - np.einsum("tc,tca->ta", weights, corners)
-    for t in range(count):
-        used = np.flatnonzero((weights[t] > 0.0) | (dim == 2))
-        if used.size < 2:
-            continue
-        base, others = used[0], used[1:]
-        T = corners[t, others] - corners[t, base]
-        inverse = np.linalg.inv(T @ T.T)
-        change = np.zeros((others.size, dim, dim))  # of T (x - foot) by the corners
-        for i, other in enumerate(others):
-            change[i, other] += off[t]
-            change[i, base] -= off[t]
-        change -= T[:, None] * weights[t][:, None]
-        of_others = inverse @ T, np.einsum("ik,kca->ica", inverse, change)
-        for total, part in zip((by_x, by_corners), of_others, strict=True):
-            total[t, others] = part
-            total[t, base] = -part.sum(axis=0)
-    return by_x, by_corners.reshape(count, dim, dim * dim)
+    dim = x.shape[1]
+    used = (weights > 0.0) | (dim == 2)
+    foot = np.einsum("tc,tca->ta", weights, corners)
+    off, edges = x - foot, corners - foot[:, None]
+    by_corner = np.einsum("ck,ta->tcka", np.eye(dim), off)
+    by_corner -= np.einsum("tca,tk->tcka", edges, weights)
+    # weights of least distance whose sum is one, with a Lagrange multiplier
+    system, rhs = np.zeros((len(x), dim + 1, dim + 1)), np.zeros((len(x), dim + 1, dim + dim**2))
+    system[:, :dim, :dim] = np.where(used[:, :, None], edges @ edges.swapaxes(1, 2), np.eye(dim))
+    system[:, :dim, dim] = system[:, dim, :dim] = used
+    rhs[:, :dim] = np.concatenate([edges, by_corner.reshape(len(x), dim, dim**2)], axis=2)
+    rhs[:, :dim] *= used[:, :, None]
+    found = np.linalg.solve(system, rhs)[:, :dim]
+    return found[..., :dim], found[..., dim:]
 
 
 @dataclass(frozen=True)
@@ -317,7 +310,7 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
     keeps_shear = np.where(f.state.redundant & then.state.active, 1.0 / ELASTIC, 0.0)
     by = rows_by_fields(contact)
     if isinstance(f, SpaceFields) and isinstance(then, SpaceFields):
-        changes = {"slip_vector": slip_by_earlier(contact, then.operators, layout)}
+        changes = {"slip_vector": slip_by_earlier(contact, then, layout)}
         fields = {name: through_fields(each, changes) for name, each in of_vectors(f).items()}
         if redundant:
             weighted = zip(contact.rows.frame()[2:4], f.row_tangents, strict=True)
@@ -325,7 +318,8 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
             by["shear"] = dyads * keeps_shear[:, None, None]
             changes["shear"] = shear_vector_derivative(then, layout)
         return PairHistory(fields, through_fields(by, changes))
-    changes = {"slip": off_planes(_slip_derivative(contact, then, layout), contact)}
+    off_planes = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
+    changes = {"slip": by_node(off_planes[:, None, None]) @ slip_by_earlier(contact, then, layout)}
     fields = dict(changes)
     if redundant:
         by["shear"] = contact.rows.frame()[2] * keeps_shear[:, None]
@@ -333,94 +327,8 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
     return PairHistory(fields, through_fields(by, changes))
 
 
-def _slip_derivative(contact: Contact, then: ContactFields, layout: Layout) -> Matrix:
-    """Derivative of the present slip with respect to the earlier state (collective).
-
-    On an obstacle b' is the vector from the pivot to the node, and psi' the angle of the slave's
-    material.
-    """
-    o, partners = then.operators, contact.partners
-    if not isinstance(o, ObstacleOperators):
-        return layout.nodal(_Terms(contact.operators, then, partners).blocks())
-    found = partners.at(contact.operators).arc
-    blocks = [rows_at_nodes(o.slave, o.slave.dofs, found.by_start)]
-    if partners.planes is not None:
-        blocks.append(rotation_derivative(o, -found.by_body))
-    by_motion = -np.column_stack([found.by_start, found.by_rotation / o.arm])
-    return layout.nodal(blocks, by_motion=by_motion)
-
-
-class _Terms:
-    """Terms of the derivative of the slip between two surfaces (local).
-
-    Args:
-        now: Operators at the end of the step.
-        then: Fields of the state that defines the partners.
-        partners: The partners.
-    """
-
-    def __init__(self, now: PlaneOperators, then: ContactFields, partners: Partners) -> None:
-        self.now, self.partners = now, partners
-        self.o: PlaneOperators = then.operators
-        self.faces = then.covered
-        o, (present, _, found) = self.o, partners.at(now)
-        self.per_weight = then.per_weight
-        counts = partners.present == 0.0  # nodes with a distance at the earlier state
-        self.e, self.start = found.by_vector, np.where(counts[:, None], found.by_start, 0.0)
-        self.turned = np.where(counts, found.by_start_normal, 0.0)[:, None] * quarter_turn(o.n)
-        self.by_angle = found.by_angle
-        self.angles = present, partners.at(o).orientation
-
-    def _by_M(self, j: Indices, l: Indices) -> Array:
-        """d(slip of nodes ``j``)/dQ[j, l]; shapes broadcast [length]."""
-        total = -_dot(self.e[j], self.now.m[l]) - _dot(self.start[j], self.o.m[l])
-        for at, sign in zip(self.angles, (1.0, -1.0), strict=True):
-            if at is not None:
-                by_partners = (sign * self.by_angle)[:, None] * at.by_partners
-                total = total + _dot(by_partners[j], at.master[l])
-        return total
-
-    def blocks(self) -> Iterator[Block]:
-        """Blocks of the derivative of the slip: rows slave nodes, columns dofs of both sides."""
-        yield from self._of_matrices()
-        yield from by_positions(self.o, self.partners.entries, self.start)
-        yield from self._of_normals()
-        yield from of_nearest(self.o, self.faces, lambda j, l, _: self._by_M(j, l)[..., None])
-
-    def _of_matrices(self) -> Iterator[Block]:
-        """Terms with the changes of D, M and w at nodes with rows in them.
-
-        A common factor of a row of Q does not change the angle.
-        """
-        o, s, p = self.o, self.o.segments, self.partners
-        if o.linearization.frozen:
-            return
-        scale = self.per_weight[s.slave]
-        j, k = s.slave[:, :, None], s.slave[:, None, :]
-        by_D = _dot(self.e[j], self.now.x[k]) + _dot(self.start[j], o.x[k])
-        values = np.einsum("sjkq,sjk,sj->sjq", o.dD, by_D, scale)
-        i, k = s.pairs[:, 0], s.pairs[:, 1]
-        by_M = self._by_M(s.slave[i][:, :, None], s.master[i][:, None, :])
-        of_M = np.einsum("pjlq,pjl,pj->pjq", o.dM, by_M, scale[i])
-        now = np.einsum("jc,jc->j", self.e, p.D @ self.now.x - p.M @ self.now.m)
-        if p.present.any():
-            now = now - p.present * np.einsum("jc,jc->j", self.e, self.now.vectors)
-        before = np.einsum("jc,jc->j", self.start, p.D @ o.x - p.M @ o.m)
-        mean = (now + before)[s.slave] * scale
-        values -= mean[:, :, None] * o.dD.sum(axis=2)
-        yield Block(s.slave, o.columns, values)
-        yield Block(s.slave[i], o.columns[k], of_M)
-
-    def _of_normals(self) -> Iterator[Block]:
-        """Terms with the changes of the normals of contact and of both surfaces."""
-        o, before = self.o, self.angles[1]
-        yield rows_at_nodes(o.slave, o.normal_columns(), o.normal_derivative(self.turned))
-        if before is not None:
-            yield from self.partners.by_angle(o, before, -self.by_angle)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("...c,...c->...", a, b)
+def _times(matrices: Array, vectors: Array) -> Array:
+    return np.einsum("...ab,...b->...a", matrices, vectors)
 
 
 # Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Errors at corners of both sides, where an obstacle is sharp, and at clamped ends.
+"""Errors at corners of both sides, and at clamped ends.
 
 The force on a corner of the slave acts along its averaged normal, not along the normal of the
 smooth surface on which it presses. The error has the effect of friction and is compared with the
@@ -7,12 +7,6 @@ friction. With the smooth surface as slave the direction is correct, but the pos
 corner between two slave nodes is uncertain by up to a tenth of the facet. Relative to the facet
 length, neither error decreases with refinement. Both are detected by normals of the two sides that
 are not opposite.
-
-**Errors of the contact direction where an obstacle is sharper than the facets of the slave.** The
-force on a slave node acts along the normal of the obstacle at its nearest point. Where a corner of
-the obstacle presses between two nodes of a flat surface, the forces on both act along the sides of
-the corner: they compress the facet and support the body sideways. The correct direction is that of
-the facets, between the normals of the facets at the node.
 
 **Pressure beside clamped slave nodes.** A clamped slave node carries no multiplier; its neighbours
 carry its force. If a body presses on the very end of a clamped surface, its whole force acts on
@@ -53,10 +47,9 @@ AROUND_CORNER = 3
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Errors at corners of slave, master and obstacle, and at clamped ends (collective)."""
+    """Errors at corners of slave and master, and at clamped ends (collective)."""
     yield from _at_clamped_ends(measured)
     yield from _of_surfaces(measured)
-    yield from _of_sharp_obstacle(measured)
 
 
 def _of_surfaces(measured: Measured) -> Iterator[Finding]:
@@ -246,27 +239,6 @@ def runs_of(contact: Contact) -> Indices:
     for _ in range(active.size.bit_length()):
         least, back = np.minimum(least, least[back]), back[back]
     return least[back]  # that of the first node, or of a whole closed curve
-
-
-def _of_sharp_obstacle(measured: Measured) -> Iterator[Finding]:
-    """Fraction of an obstacle's normal forces along the slave's facets (local)."""
-    contact = measured.contact
-    if contact.obstacle is None:
-        return
-    o = contact.operators
-    forces = np.abs(np.einsum("jc,jc->j", contact.now.forces[0], o.n))
-    before, after = facet_angles(contact)
-    off = np.maximum(np.minimum(before, after), -np.maximum(before, after))
-    along = forces * np.sin(np.clip(off, 0.0, 0.5 * np.pi))
-    part = float(along.sum()) / positive_or_one(float(forces.sum()))
-    where = format_point(o.x[along.argmax()])
-    yield Finding(
-        "obstacle_angle", "angle between obstacle and facets", part,
-        f"{part:.0%} of the normal forces act along the facets of the slave, most of them at "
-        f"{where}, where the obstacle is sharper than they are: refine the facets there, or round "
-        "the obstacle",
-        remark=LIMITS.at_corners, unit="sine", where=where,
-    )  # fmt: skip
 
 
 # Ratio of the pressure beside clamped slave nodes to that of the next nodes above which there is a

@@ -81,7 +81,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     if not (law.has_friction or law.needs_nodal_state):
         return
     yield from findings(_difference_of_work(contact), *uncertain_rotation(contact))
-    if contact.obstacle is None and contact.rotating_planes is not None:
+    if contact.obstacle is None and contact.across_planes is not None:
         yield from _approach(measured)
 
 
@@ -131,8 +131,7 @@ def _difference_of_work(contact: Contact) -> float:
     both = (contact.active & (contact.z_tau != 0.0) & then.any(axis=1))[:, None]
     if not contact.pair.law.has_friction or partners.counted.any() or not both.any():
         return 0.0
-    weights = o.weight if in_space and on_obstacle else partners.weight
-    before = np.where(both, weights[:, None] * then, 0.0)
+    before = np.where(both, partners.weight[:, None] * then, 0.0)
     shear = np.where(both, contact.shear, 0.0)
     after = o.weight[:, None] * shear
     if in_space:
@@ -140,7 +139,8 @@ def _difference_of_work(contact: Contact) -> float:
         turned = np.einsum("nab,nb->na", at.slave.Q, before)
         by_slip = 0.5 * float(((turned + after) * at.slip).sum())
     else:
-        sizes = np.where(both[:, 0], weights * partners.shear + o.weight * contact.z_tau, 0.0)
+        sums = partners.weight * partners.shear + o.weight * contact.z_tau
+        sizes = np.where(both[:, 0], sums, 0.0)
         by_slip = 0.5 * float(sizes @ contact.slip)
     starts = partners.D.T @ before, -(partners.M.T @ before)
     sides = (o.slave, partners.x, o.x), (o.master, partners.m, o.m)
@@ -161,7 +161,7 @@ def _rotations(contact: Contact, surface: Surface, x_0: Array, x: Array) -> Arra
     """
     if surface.dim == 2:
         return surface_rotation(surface, x_0, x)  # type: ignore[arg-type]
-    turns = 0.0 if contact.rotating_planes is None else 1.0
+    turns = 0.0 if contact.across_planes is None else 1.0
     weights, still = turns * csr_array(eye(len(x))), np.zeros(x.shape, bool)
     return Material(weights, surface, x_0, still).turned(x).Q
 
