@@ -5,6 +5,7 @@
     python3 tests/mutants.py -n 100 --seed 3    others
     python3 tests/mutants.py --only sparse      in files whose path holds this word only
     python3 tests/mutants.py --again FILE       those of an earlier log, at their present positions
+    python3 tests/mutants.py -- --cases 1       arguments of pytest for the run that records lines
 
 A mutant is one change in one file of the package: of a sign, a constant or a comparison, or a term,
 factor or statement dropped. Files are drawn by their number of lines. First all tests run once in
@@ -51,7 +52,7 @@ def seen_by_tests(folder: Path, path: Path, arguments: list[str]) -> dict:
         environment = {**os.environ, "PYTHONPATH": str(folder)}
         environment["NUMBA_CACHE_DIR"] = str(folder / "numba")
         script = folder / "tests" / Path(__file__).name
-        command = [sys.executable, str(script), "--trace", str(path.resolve()), *arguments]
+        command = [sys.executable, str(script), "--trace", str(path.resolve()), "--", *arguments]
         subprocess.run(command, cwd=folder, env=environment, check=True)
     return json.loads(path.read_text())
 
@@ -97,7 +98,7 @@ def main() -> None:
     parser.add_argument("--log", type=Path, help="file that gets a line for each mutant")
     parser.add_argument("--list", action="store_true", help="only print the mutants")
     parser.add_argument("--trace", help=argparse.SUPPRESS)
-    parser.add_argument("tests", nargs="*", help="files of tests, if not all")
+    parser.add_argument("tests", nargs="*", help="after ``--``: arguments of pytest")
     given = parser.parse_args()
     if given.trace:
         trace_tests(given.trace, given.tests)
