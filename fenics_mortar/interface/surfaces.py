@@ -77,7 +77,7 @@ _OF_NODES, _NUMBERS = {"X", "nodes", "owners", "dofs", "is_open"}, {"previous", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
+class Surface(ABC):
     """Facets of some boundary tags; equal on all ranks except ``owned`` and ``local_dofs``.
 
     Attributes:
@@ -208,9 +208,9 @@ class Surface:
         return np.asarray(change.max(axis=1, initial=0.0) / self.facet_sizes)
 
     @property
+    @abstractmethod
     def nodal_lengths(self) -> Array:
         """Size of the surface around each node, shape (n,) [length]."""
-        raise NotImplementedError
 
     @cached_property
     def full_cover(self) -> Array:
@@ -228,14 +228,14 @@ class Surface:
         return coo_array((self.products.ravel(), at), shape=shape).tocsr()
 
     @property
+    @abstractmethod
     def mean_thickness(self) -> Array | float:
         """Areas over lengths of the nodes, shape (n,) [length]."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def stencil(self) -> Indices:
         """Nodes on which the normal of each node depends, -1 for none, shape (n, s)."""
-        raise NotImplementedError
 
     @cached_property
     def stencil_dofs(self) -> Indices:
