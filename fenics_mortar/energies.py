@@ -54,8 +54,11 @@ def lame(E: Any, nu: Any) -> tuple[Any, Any]:
         mu, the shear modulus, and lambda.
 
     Raises:
-        ValueError: If ``nu`` is a number that is not between -1 and 0.5.
+        ValueError: If ``nu`` is a number that is not between -1 and 0.5, or ``E`` one that is not
+            positive.
     """
+    if isinstance(E, (int, float)) and not E > 0.0:
+        raise ValueError(f"E={E:g}: expected a positive number")
     if isinstance(nu, (int, float)) and not -1.0 < nu < 0.5:
         raise ValueError(
             f"nu={nu:g}: expected a number above -1 and below 0.5; incompressible bodies have a "

@@ -30,7 +30,7 @@ from fenics_mortar.bulk.checks import (
 from fenics_mortar.bulk.fluxes import check_rules
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.pair import ContactPair, TiedPair
+from fenics_mortar.contact.pair import ContactPair, Pretension, TiedPair
 from fenics_mortar.contact.tied import bind
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.arguments import check_arguments, check_in_space, check_options
@@ -49,7 +49,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.condensed import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
-from fenics_mortar.rigid.spread import BoundaryMotion, check_remote, refuse_remote, sections_of
+from fenics_mortar.rigid.spread import BoundaryMotion, BoundSection, check_remote, refuse_remote
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.compat import free_garbage_of_earlier, keep_communicators
 from fenics_mortar.utils.errors import (
@@ -142,10 +142,10 @@ def equations_of(
     )  # may move nodes
     for load in loads:
         load.update_reference()
-    loads += sections_of(contacts)
     bulk = Bulk(residual, u, bcs, jacobian, space, given["history"], given["before_assembly"])
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     keep_communicators(bulk.comm, bulk.r, bulk.K)
+    loads += [BoundSection(c, bulk) for c in contacts if isinstance(c.pair, Pretension)]
     check_slave_nodes(contacts)
     check_roles(contacts)
     check_cells(bulk)
@@ -449,6 +449,7 @@ class ContactProblem:
     def certificate(self) -> Certificate:
         """Measure balance with the present loads, signs, penetration and crossings (collective)."""
         self.forces()  # assembles the residual
+        self.equations.residual.measure()
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:

@@ -25,7 +25,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from mpi4py import MPI
 
@@ -113,7 +113,7 @@ class FloatingBody:
         of_sections = [np.outer(each.moves[parts], each.load.axis)[None] for each in self.sections]
         return np.einsum("fm,mnc->fnc", self.motions, np.vstack([rigid, *of_sections]))
 
-    def without(self, responses: Array) -> FloatingBody:
+    def without(self, responses: Array) -> Self:
         """This body with its motions of zero response; it may have none left (local).
 
         Args:
@@ -123,7 +123,7 @@ class FloatingBody:
         rank = int((sizes > ROUNDING * max(1.0, sizes.max(initial=0.0))).sum())
         return replace(self, motions=left[:, rank:].T @ self.motions)
 
-    def without_rotation(self, distance: Array) -> FloatingBody:
+    def without_rotation(self, distance: Array) -> Self:
         """This body with its motions that move two points alike; it may have none left (local).
 
         Args:

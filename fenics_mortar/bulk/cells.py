@@ -9,7 +9,7 @@ rank does not find there are sent to the others.
 
 from __future__ import annotations
 
-from functools import cached_property, reduce
+from functools import cached_property
 from math import factorial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 
 # Degree of Lagrange functions by the number of nodes of a cell.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}
+# Degree of polynomials that the rule of a cell integrates exactly: squares of quadratic ones, and
+# one more. On facets it is the same.
+RULE_DEGREE = 5
 
 
 class ReferenceCell:
@@ -75,14 +78,8 @@ class ReferenceCell:
         self.normals: Array = outward[:, None] * normals
         points = np.einsum("qk,skc->sqc", self.shapes, corners[self.sides])
         self.side_points: Array = points.reshape(-1, dim)
-        x, w = np.polynomial.legendre.leggauss(3)  # exact to degree 5
-        grid = np.meshgrid(*[(x + 1) / 2] * dim, indexing="ij")
-        self.points: Array = np.stack([axis.ravel() for axis in grid], axis=1)
-        self.weights: Array = reduce(np.multiply.outer, [w / 2] * dim).ravel()
-        for axis in range(1, dim) if is_simplex else ():  # sides of a square or cube collapse
-            rest = 1.0 - self.points[:, :axis].sum(axis=1)
-            self.points[:, axis] *= rest
-            self.weights *= rest
+        rule = basix.make_quadrature(kind, RULE_DEGREE)
+        self.points, self.weights = (np.asarray(values) for values in rule)
         self.fill = float(factorial(dim)) if is_simplex else 1.0
         self.side_fill = float(factorial(dim - 1)) if is_simplex else 1.0
 

@@ -436,9 +436,13 @@ class Bulk:
 
     def prescribed_values(self) -> Array:
         """Prescribed values of ``prescribed_dofs``, shape (k,) [length] (local)."""
+        return self.values_as_prescribed()[self.prescribed_dofs]
+
+    def values_as_prescribed(self) -> Array:
+        """Copy of ``values``, with the prescribed ones, shape (local dofs,) [length] (local)."""
         values = self.values.copy()
         compat.set_prescribed(values, self.bcs)
-        return values[self.prescribed_dofs]
+        return values
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed minus present values of ``prescribed_dofs``, shape (k,) [length] (local)."""

@@ -61,7 +61,7 @@ with l = w - f and J(f)^-1 = 1 - F / 2 + b F^2. As in the plane, it is exact for
 wheel that turns in place, whichever side it is, and for its rolling, wherever the pivot lies.
 
 A body that turns along with an obstacle by more than half a turn has the same Q: there f is the
-vector of Q that is next to w in l, see ``rotation_past_obstacle``.
+vector of Q that is next to w in l, see ``_beside``.
 
 Derivatives are those by spins a: dQ = a x Q, exp(L) has dL = J(L)^-1 a, and the polar rotation of
 A = P Q = sum_k x_k d_k^T has (tr P - P) a = sum_k (Q d_k) x dx_k.
@@ -265,34 +265,27 @@ class Rotations(NamedTuple):
 
 def rotation_of_surfaces(now: Array, before: Array) -> Rotations:
     """Relative rotation between two results of ``Orientation.angle``: at most half a turn."""
-    theta = _wrapped(now - before)
+    theta = now - before
+    theta = theta - 2.0 * np.pi * np.round(theta / (2.0 * np.pi))
     return Rotations(theta, -theta, np.abs(theta))
 
 
 def rotation_past_obstacle(body: Array, angle: float) -> Rotations:
     """Rotation of an obstacle relative to the slave's material, and that of the material.
 
-    The material turns by less than half a turn in the step, unless the body turns along with an
-    obstacle that turns by more: if it turned by more than ``TILTED``, and by much more than
-    relative to the obstacle.
-
     Args:
         body: Rotations of the averaged normals, -pi ... pi, shape (slave nodes,) [radian].
         angle: Rotation of the obstacle in the step, of any size [radian].
     """
-    theta = angle - body
-    nearest = _wrapped(theta)
-    rides = (np.abs(body) > TILTED) & (np.abs(nearest) < 0.5 * np.abs(body))
-    choices = np.where(nearest == theta, 1.0, 2.0)
-    doubt = choices * np.minimum(np.abs(body), np.abs(nearest))
-    return Rotations(np.where(rides, nearest, theta), body, doubt)
+    f, doubt = _beside(np.full((body.size, 1), angle), body[:, None], np.abs(body))
+    return Rotations(angle - f[:, 0], body, doubt)
 
 
 def doubt_beside_known(relative: Array, apart: Array, kept: Flags) -> Array:
     """Doubt about a relative rotation beside a body whose turn is known, (n,) [radian].
 
     The other body is at rest or turns by less than half a turn, unless it turns along as in
-    ``rotation_past_obstacle``: then nodes remain in contact, but those of rollers do not.
+    ``_beside``: then nodes remain in contact, but those of rollers do not.
 
     Args:
         relative: Sizes of the relative rotations, at most half a turn, shape (n,) [radian].
@@ -318,12 +311,6 @@ def rotated_by(v: Array, angle: Array) -> Array:
 def quarter_turn(v: Array) -> Array:
     """Vectors (..., 2) rotated by a quarter of a turn counter-clockwise [their unit]."""
     return np.stack([-v[..., 1], v[..., 0]], axis=-1)
-
-
-def _wrapped(angle: Array) -> Array:
-    """Angles minus full turns, -pi ... pi [radian]."""
-    full = np.round(angle / (2.0 * np.pi))
-    return np.where(full == 0.0, angle, angle - 2.0 * np.pi * full)
 
 
 class Turned(NamedTuple):
@@ -527,11 +514,15 @@ def past_obstacle(r: Array, r_0: Array, slave: Turned, w: Array) -> PastObstacle
 
 
 def _beside(w: Array, f: Array, angle: Array) -> tuple[Array, Array]:
-    """Rotation vectors of the slave for a rotation w of an obstacle, and ``doubt``.
+    """Rotations of the slave for a rotation w of an obstacle, and ``doubt``.
+
+    The slave's material turns by less than half a turn in the step, unless the body turns along
+    with an obstacle that turns by more: if it turned by more than ``TILTED``, and by much more than
+    relative to the obstacle.
 
     Args:
-        w: Rotation vectors of the obstacle, shape (n, 3) [radian].
-        f: Rotation vectors of the slave, less than half a turn, shape (n, 3) [radian].
+        w: Angles or rotation vectors of the obstacle, shape (n, 1 or 3) [radian].
+        f: Those of the slave, less than half a turn, shape (n, 1 or 3) [radian].
         angle: Their sizes, shape (n,) [radian].
     """
     axis = f / np.maximum(angle, TINY)[:, None]

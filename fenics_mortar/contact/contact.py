@@ -35,8 +35,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact import arcs, law_calls
-from fenics_mortar.contact.fields import MAX_SOFTENING, ContactFields, SpaceFields, change_along
+from fenics_mortar.contact import law_calls
+from fenics_mortar.contact.fields import MAX_SOFTENING, ContactFields, SpaceFields
 from fenics_mortar.contact.fluxes import Flux
 from fenics_mortar.contact.interface import (
     NO_NODES,
@@ -49,17 +49,23 @@ from fenics_mortar.contact.interface import (
     settable,
 )
 from fenics_mortar.contact.law import Frictionless, Nodal
-from fenics_mortar.contact.rows import ContactRows, MultiplierNodes, next_sets, normals_on_planes
+from fenics_mortar.contact.rows import (
+    ContactRows,
+    MultiplierNodes,
+    change_along,
+    next_sets,
+    normals_on_planes,
+)
 from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.interface.facing import face
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
-from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
-from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
 from fenics_mortar.utils.errors import MortarError, SurfaceError, check_lengths, check_same
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.pair import ContactPair, Measure
+    from fenics_mortar.interface.mortar import Linearization, MortarOperators
     from fenics_mortar.interface.outline import Outline
     from fenics_mortar.mesh.space import DisplacementSpace
 
@@ -97,8 +103,7 @@ class Contact(Interface):
     )
 
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
-    attracted, on_obstacle = read_only("now.attracted"), read_only("now.operators")
-    arm = read_only("evaluation.arm")
+    attracted, arm = read_only("now.attracted"), read_only("evaluation.arm")
 
     def __init__(
         self,
@@ -148,17 +153,16 @@ class Contact(Interface):
         on_surface = self.obstacle is None
         radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
         points = points_per_segment(pair, self.slave, self.master)
-        options = choice.options(points, pair.search_radius or radius)
-        self.options = replace(options, basis=self.basis)
+        self.options = choice.options(self.basis, points, pair.search_radius or radius)
         given = self.slave, self.master, self.obstacle, self.slave.extent, planes, self.options
         self.evaluation = OperatorEvaluation(*given, small=pair.sliding == "small")
         self._parameters = law_calls.Parameters(space, self.slave)
         self.law_calls = law_calls.LawCalls(pair)
         self.adopt_law()
         none, X = np.zeros(self.slave.num_nodes), self.slave.X
-        memory = self.state.accepted_instant.memory
-        start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
-        start = replace(start, fields=self.parameters)
+        memory = dict.fromkeys(pair.law.memory, none) | self.state.accepted_instant.memory
+        times = 0.0, 1.0, memory, self.parameters
+        start = Nodal(none, none, none, none, none + 1.0, none, X, X, *times)
         # ``tangential`` is given branches of the law also before the first active set
         branch = self.law_calls.branch(start, np.zeros(none.size, np.int64))
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
@@ -215,14 +219,12 @@ class Contact(Interface):
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
         law, start = self.pair.law, self._state.start_instant
-        if self._law is not law or tuple(start.memory) != tuple(law.memory):
+        names = law_calls.names_of_memory(law, self.slave.dim)
+        if self._law is not law or tuple(start.memory) != names:
             self._read_law(start)
         operators, reference = self.evaluation.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
-        offset = self._state.offset
-        if offset.any():
-            operators = operators.minus_offset(offset)
         self.set_operators(operators)  # also if they are cached: the law may have changed
         if self.slip_measure == "operators":
             _ = self.operators.vectors  # collective: evaluated on all ranks
@@ -276,7 +278,7 @@ class Contact(Interface):
         and z becomes tensile. The active set of such a node is therefore decided by its force; if
         decided by z, the node would be open for one or two iterations.
         """
-        old, o, adhesion = self.z, self.operators, self.now.adhesion[0]
+        old, o, adhesion = self.z, self.operators, self.now.pull.residual
         acting = self.now.acting  # whose derivatives the linear system has
         z = old + fraction * (z - old) if fraction < 1.0 else z
         self.change(z=z, force_decided=None)
@@ -321,89 +323,6 @@ class Contact(Interface):
         """Count slip and memory from the accepted state (local)."""
         self.change(partners=self.accepted_partners, start_instant=self._state.accepted_instant)
 
-    def lead_by_solution(self, outline: Outline, carried: arcs.Carried, bodies: Indices) -> float:
-        """As ``lead``, by the motions of bodies to the present state (collective).
-
-        Args:
-            outline: See ``lead``, as the next two.
-            carried: Nodes after the motions.
-            bodies: Their bodies.
-
-        Returns:
-            Largest change of the slip of active nodes, over their way by turns [1].
-        """
-        before, kept = self.slip, self.partners
-        way = self.lead(self.accepted_partners, outline, carried, bodies)
-        counts = self.active & (self.partners.pressure == 0.0)
-        if self.partners is kept or not counts.any():
-            return 0.0
-        change = (self.slip - before)[counts].reshape(int(counts.sum()), -1)
-        return float(norms(change).max()) / max(float(way[counts].max()), TINY)
-
-    def lead(
-        self, partners: Any, outline: Outline, carried: arcs.Carried, bodies: Indices | None = None
-    ) -> Array:
-        """Count slip of nodes without force from where motions carry them, see ``arcs``.
-
-        Collective.
-
-        Args:
-            partners: Partners at the start of the step.
-            outline: Outlines of the bodies of all pairs.
-            carried: Their nodes after the motions.
-            bodies: Bodies of these nodes, for motions to the present state.
-
-        Returns:
-            Ways of nodes by turns, shape (slave nodes,) [length].
-        """
-        new = partners.pressure == 0.0
-        at = [outline.indices_of(side.nodes) for side in (self.slave, self.master)]
-        slave, master = (arcs.Carried(*(values[i] for values in carried)) for i in at)
-        turns = np.concatenate([slave.turn, master.turn])
-        if not new.any() or not turns.any() or np.isnan(turns).any():
-            return np.zeros(len(new))  # from a start that one side has left only, slip is wrong
-        o = self.evaluation.at_outline(outline, carried.x, self._state, LINEARIZATIONS["frozen"])
-        if self._state.offset.any():
-            o = o.minus_offset(self._state.offset)
-        there = find_partners(type(self.now)(self, self._state, o))
-        place = np.zeros(0) if self.obstacle is None else self.obstacle.place.copy()
-        if self.obstacle is None:
-            master = arcs.Carried(*(there.M @ values for values in master))
-        else:
-            master = arcs.carried_by(self.obstacle, partners.place, there.feet)
-        way = arcs.way_of(slave, master)
-        if bodies is not None:
-            faced = [np.rint(each.M @ (bodies[at[1]] + 1)) for each in (partners, there)]
-            of_pairs = self._place_of(partners, bodies[at[0]] + 1, *faced)
-            told = np.isfinite(of_pairs.start[:, 0])
-            way[told] = arcs.way_past(of_pairs, slave, master)[told]
-            led = self.partners.led
-            new &= told if led is None else told | led.new
-            new &= bodies[at[0]] + 1 != faced[1]
-        at_new = (np.where(new[:, None], values, 0.0) for values in (slave.turn - master.turn, way))
-        led = arcs.Led(new, slave.x, o.m, place, self.turns(), *at_new)
-        self.change(partners=partners.led_by(there, led))
-        sides = (norms(side.turn) * norms(side.x - side.end) for side in (slave, master))
-        return np.add(*sides)
-
-    def _place_of(self, partners: Any, own: Indices, before: Array, after: Array) -> arcs.Place:
-        """Motion of the place of contact of each two bodies, to the present state (local).
-
-        Args:
-            partners: Partners at the start of the step.
-            own: Bodies of slave nodes, numbers from 1 on, shape (slave nodes,).
-            before: Those that they faced at the start, 0 for an obstacle.
-            after: Those that they came into contact with.
-        """
-        x, count = (partners.x, self.operators.x), 1 + own.max(initial=0)
-        loads = partners.pressure, np.where(self.active, self.now.z_n, 0.0)
-        ends = [
-            arcs.Touching(at, evaluate_normals(self.slave, at, "opposite")[0],
-                     self.slave.nodal_areas * np.maximum(load, 0.0), own + count * other)
-            for at, load, other in zip(x, loads, (before, after), strict=True)
-        ]  # fmt: skip
-        return arcs.place_between(*ends)
-
     def omit_softening(self, *, always: bool) -> None:
         """Leave the derivative of softening adhesion out, always or of fast softening (local)."""
         self.max_softening = 0.0 if always else MAX_SOFTENING
@@ -432,7 +351,7 @@ class Contact(Interface):
         law = self.pair.law
         self.parameters = self._parameters.sample(law) if law.fields else {}
         self._law = law  # not one whose parameters cannot be read
-        if tuple(before.memory) == tuple(law.memory):
+        if tuple(before.memory) == law_calls.names_of_memory(law, self.slave.dim):
             return before
         first = law_calls.first_instant(law, self.slave, before.time)
         self.change(start_instant=first)
@@ -546,10 +465,9 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[law_calls
 
 def _instant_of(contact: Contact) -> law_calls.Instant:
     """Time and memory at the end of the present step (local)."""
-    node = contact.nodal
-    memory = node.memory
+    node, memory = contact.nodal, contact.nodal.memory
     if contact.pair.law.memory:
-        memory = contact.law_calls.remember(node, contact.branch)
+        memory = contact.now.remembered(contact.law_calls.remember(node, contact.branch))
     return law_calls.Instant.of(contact.state.load_time, node.step, memory)
 
 

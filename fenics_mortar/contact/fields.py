@@ -29,7 +29,7 @@ tangent, the law resists equally in all directions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
@@ -46,7 +46,6 @@ from fenics_mortar.contact.interface_fields import (
 )
 from fenics_mortar.contact.law import (
     BUILT_IN,
-    KINK,
     STICK,
     Friction,
     Frictionless,
@@ -56,9 +55,9 @@ from fenics_mortar.contact.law import (
     VectorRow,
     chain_rule,
 )
+from fenics_mortar.contact.law_calls import in_components, summed_slip_of
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, Array, Flags
-from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.mortar import Block
@@ -75,10 +74,17 @@ MAX_SOFTENING = 0.5
 
 
 class Gaps(NamedTuple):
-    """Covered nodes, and their mean gaps g_j / w_j, zero elsewhere, (slave nodes,) [length]."""
+    """Covered nodes with their mean gaps; arrays of the slave nodes, zero where not covered.
+
+    Attributes:
+        covered: Whether a node is covered, shape (slave nodes,), bool.
+        mean: Mean gaps g_j / w_j, shape (slave nodes,) [length].
+        per_weight: 1 / w_j, shape (slave nodes,) [1 / length], in space [1 / area].
+    """
 
     covered: Flags
     mean: Array
+    per_weight: Array
 
 
 class Arguments(NamedTuple):
@@ -95,37 +101,30 @@ class ContactFields(InterfaceFields):
     """Fields of a contact; see ``contact`` for the complementarity function and the rows.
 
     Attributes:
-        covered, mean_gap: See ``Gaps``.
+        covered, mean_gap, per_weight: See ``Gaps``.
         nodal, closing: See ``Arguments``.
-        covered_gap: ``closing_gap``, zero at uncovered nodes, (slave nodes,) [length].
         row_tangents: Direction of the tangential row, (slave nodes, 2), in space of two [1].
-        adhesion: Adhesion a at the gaps, and a', each (slave nodes,) [stress, stress / length].
         counted_slip: Slip that a step may keep, (slave nodes,) [length]; in space its vectors.
-        on_obstacle: The operators, of a pair with an obstacle.
+        memory_of_law: Memory at the start of the step as the law has it, in space along e.
     """
 
     covered: Any = property(attrgetter("gaps.covered"))
     mean_gap: Any = property(attrgetter("gaps.mean"))
+    per_weight: Any = property(attrgetter("gaps.per_weight"))
     nodal: Any = property(attrgetter("arguments.nodal"))
     closing: Any = property(attrgetter("arguments.closing"))
-    covered_gap: Any = property(attrgetter("nodal.gap"))
     row_tangents: Any = property(attrgetter("operators.tau"))
-    adhesion: Any = property(attrgetter("pull.residual", "pull.by_gap"))
     counted_slip: Any = property(attrgetter("slip"))
     surface_slip: Any = property(attrgetter("slip"))
-    on_obstacle: Any = property(attrgetter("operators"))
+    memory_of_law: Any = property(attrgetter("state.start_instant.memory"))
 
     @field("multiplier_nodes")
     def gaps(self) -> Gaps:
         """Covered nodes and mean gaps."""
         o = self.operators
         covered = self.state.multiplier_nodes & (o.diagonal > ROUNDING * self.nodal_areas)
-        return Gaps(covered, np.where(covered, o.gap, 0.0) / np.where(covered, o.weight, 1.0))
-
-    @field("multiplier_nodes")
-    def per_weight(self) -> Array:
-        """1 / w_j at covered nodes, else 0, (slave nodes,) [1 / length], in space [1 / area]."""
-        return np.where(self.covered, 1.0, 0.0) / np.where(self.covered, self.operators.weight, 1.0)
+        weight = np.where(covered, o.weight, 1.0)
+        return Gaps(covered, np.where(covered, o.gap, 0.0) / weight, covered / weight)
 
     @field("multiplier_nodes")
     def gap(self) -> Array:
@@ -134,7 +133,7 @@ class ContactFields(InterfaceFields):
 
     @field(*LAW_ATTRIBUTES)
     def pull(self) -> Row:
-        """Adhesion of covered nodes, continued linearly to negative gaps, each (slave nodes,)."""
+        """Adhesion a of covered nodes, continued linearly to negative gaps, (slave nodes,) each."""
         law, none = self.interface.pair.law, np.zeros(len(self.state.z))
         if type(law) in BUILT_IN or not law.has_adhesion:
             return Row(none, none, none, none, none)
@@ -156,8 +155,8 @@ class ContactFields(InterfaceFields):
 
         An elastic bond does not pull yet at a closed gap, but its row has the derivative.
         """
-        pull, by_gap = self.adhesion
-        return ((pull > 0.0) | (by_gap > 0.0)) & ~self.state.active
+        pull = self.pull
+        return ((pull.residual > 0.0) | (pull.by_gap > 0.0)) & ~self.state.active
 
     @field(*LAW_ATTRIBUTES, "active")
     def acts(self) -> Flags:
@@ -169,32 +168,10 @@ class ContactFields(InterfaceFields):
         node = replace(self.nodal, z_n=pressure, gap=np.zeros_like(pressure))
         return self.interface.law_calls.friction_limit(node)
 
-    def adhesion_at_gap(self, gap: Array) -> Array:
-        """Adhesion at gaps (slave nodes,) [length], likewise [stress]."""
-        node = replace(self.nodal, gap=gap)
-        return self.interface.law_calls.row("adhesion_at", node, self.covered).residual
-
-    def largest_adhesion(self) -> Array:
-        """Largest adhesion at gaps of up to a facet, shape (slave nodes,) [stress].
-
-        Elastic bonds pull as they open. The gap is found to a per cent, if there is one maximum.
-        """
-        sizes = self.interface.slave.nodal_lengths
-        if not self.interface.pair.law.has_adhesion:
-            return 0.0 * sizes
-        gap, largest = 0.0 * sizes, self.adhesion_at_gap(0.0 * sizes)
-        for ratio in 2.0 ** np.arange(-40.0, 1.0):
-            pull = self.adhesion_at_gap(ratio * sizes)
-            gap, largest = np.where(pull > largest, ratio * sizes, gap), np.maximum(pull, largest)
-        for ratio in 2.0 ** np.outer(0.5 ** np.arange(1.0, 8.0), [1.0, -1.0]).ravel():
-            pull = self.adhesion_at_gap(ratio * gap)
-            gap, largest = np.where(pull > largest, ratio * gap, gap), np.maximum(pull, largest)
-        return largest
-
     @property
     def tension(self) -> Array:
         """Tension beyond the adhesion, -(z_n + a), shape (slave nodes,) [stress]."""
-        return -(self.z_n + self.adhesion[0])
+        return -(self.z_n + self.pull.residual)
 
     @field("partners")
     def slip(self) -> Array:
@@ -204,6 +181,14 @@ class ContactFields(InterfaceFields):
         """
         on_plane = np.isfinite(self.interface.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
+
+    def remembered(self, memory: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Memory of the law at the end of the step, as it is stored [its units]."""
+        return memory
+
+    def slip_derivative(self, along: Array, *, summed: bool = True) -> Iterator[Block]:
+        """Blocks of ``along`` times the derivative of the slip of the law, of this rank."""
+        return self.state.partners.derivative(self.operators, along)
 
     @field(*LAW_ATTRIBUTES)
     def arguments(self) -> Arguments:
@@ -215,7 +200,7 @@ class ContactFields(InterfaceFields):
         node = Nodal(
             self.mean_gap, slip, self.z_n, self.z_tau, stiffness, self.state.c_n * stiffness,
             interface.slave.X, self.operators.x, time,
-            time - start.time if time > start.time else start.step, start.memory,
+            time - start.time if time > start.time else start.step, self.memory_of_law,
             interface.parameters,
         )  # fmt: skip
         if not law.has_closing_gap:
@@ -250,11 +235,6 @@ class ContactFields(InterfaceFields):
         """Whether an active node slides against friction, shape (slave nodes,), bool."""
         follows_law = self.interface.follows_law & (self.friction_limit(self.pressure) > 0.0)
         return self.state.active & (self.state.branch != STICK) & follows_law
-
-    @property
-    def friction_work(self) -> float:
-        """Work of the shear at the end of the step along the slip in it [stress length^2]."""
-        return float(self.shear_force @ self.slip)
 
     @field(*RULED)
     def tangential_row(self) -> Row:
@@ -350,7 +330,7 @@ class ContactFields(InterfaceFields):
     @property
     def decreases_fast(self) -> Flags:
         """Nodes where adhesion drops faster than elastic forces grow, (slave nodes,), bool."""
-        slope = -self.operators.diagonal * self.adhesion[1]
+        slope = -self.operators.diagonal * self.pull.by_gap
         return slope > self.interface.max_softening * self.interface.stiffness
 
     @property
@@ -363,87 +343,6 @@ class ContactFields(InterfaceFields):
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
         return float(force[self.state.active].max(initial=0.0))
-
-    def strength(self, pressure: float) -> tuple[Array, Array]:
-        """Admissible contact tractions near a pressure p [stress], each (slave nodes,).
-
-        Returns:
-            Slope mu and shear s_0 of the line |z_tau| <= s_0 + mu z_n through the friction limits
-            at p and 2 p, an upper bound of a concave limit outside of [p, 2 p]; mu is inf without a
-            limit.
-        """
-        interface = self.interface
-        follows_law = interface.follows_law
-        ones = np.ones(len(self.state.z))
-        at, beyond = (self.friction_limit(factor * pressure * ones) for factor in (1.0, 2.0))
-        unlimited = np.isinf(at + beyond)
-        at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
-        slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
-        shear = np.maximum(at - slope * pressure, 0.0)
-        shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
-        slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear
-
-
-def change_along(
-    f: InterfaceFields, blocks: Sequence[Block], on_slave: Array, on_master: Array
-) -> Array:
-    """Product of blocks, whose rows are slave nodes, and directions (collective).
-
-    Args:
-        f: Fields of the pair.
-        blocks: Blocks of this rank.
-        on_slave: Displacements of the slave nodes, shape (..., n, dim) [length].
-        on_master: Displacements of the master nodes, shape (..., n, dim) [length].
-
-    Returns:
-        Shape (..., slave nodes), equal on all ranks.
-    """
-    sides = f.interface.slave, f.interface.master
-    dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
-    several = on_slave.shape[:-2]
-    both = [x.reshape(*several, x.shape[-2] * x.shape[-1]) for x in (on_slave, on_master)]
-    values, order = np.concatenate(both, axis=-1), np.argsort(dofs)
-    change = np.zeros((sides[0].num_nodes, *several))
-    for block in blocks:
-        index = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
-        direction = np.where(block.columns >= 0, values[..., index], 0.0)
-        rates = np.einsum("bjq,...bq->bj...", block.values, direction)
-        np.add.at(change, block.rows, rates)
-    return np.moveaxis(sum_over_ranks(sides[0].comm, change), 0, -1)
-
-
-def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Change of the mean gaps, (..., slave nodes); zero where not covered; see ``change_along``."""
-    return f.per_weight * change_along(f, f.operators.gap_derivative(), on_slave, on_master)
-
-
-def past_partners(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Motions of the nodes past their partners, (motions, nodes, dim) [length] (local).
-
-    Args:
-        f: Fields of the pair.
-        on_slave: Displacements of the slave nodes, shape (motions, nodes, dim) [length].
-        on_master: Displacements of the master nodes, likewise.
-    """
-    partners, both = f.state.partners, zip(on_slave, on_master, strict=True)
-    return np.array([partners.D @ own - partners.M @ other for own, other in both])
-
-
-def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Slip of the nodes along their partners, (motions, nodes) [length] (local).
-
-    In space along two tangents, (motions, nodes, 2); arguments as of ``past_partners``.
-    """
-    return f.along_tangents(past_partners(f, on_slave, on_master))
-
-
-def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Opening along n, against which the pressure does work, (motions, nodes) [length] (local).
-
-    This differs from the rate of the gap where n is not normal to both sides, as at corners.
-    """
-    return -normal_parts(f.operators.n, past_partners(f, on_slave, on_master))
 
 
 # Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
@@ -501,13 +400,62 @@ class SpaceFields(ContactFields):
         return tangential(self.slip_vector, n) if self._has_slip else zero
 
     @field(*LAW_ATTRIBUTES)
+    def carried(self) -> Array:
+        """Summed slip until the start of the step, turned with the slave, (n, 3) [length]."""
+        law, partners = self.interface.pair.law, self.state.partners
+        if not law.summed_slip or partners is None:
+            return np.zeros_like(self.z_u)
+        before = summed_slip_of(law, self.state.start_instant.memory)
+        return np.einsum("jab,jb->ja", partners.rotation_of_slave(self.operators), before)
+
+    @field(*LAW_ATTRIBUTES)
+    def total_slip(self) -> Array:
+        """Tangential part of the slip on which the law depends, (slave nodes, 3) [length]."""
+        if not self.interface.pair.law.summed_slip:
+            return self.tangential_slip
+        return self.tangential_slip + tangential(self.carried, self.operators.n)
+
+    @property
+    def memory_of_law(self) -> Mapping[str, Array]:
+        """Memory at the start of the step as the law has it, in space along e [its units]."""
+        law, memory = self.interface.pair.law, self.state.start_instant.memory
+        if not law.summed_slip:
+            return memory
+        along = normal_parts(self.directions.along, self.carried)
+        return {name: memory.get(name, along) for name in law.memory}
+
+    def remembered(self, memory: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Memory of the law at the end of the step, as it is stored [its units]."""
+        law = self.interface.pair.law
+        return in_components(law, memory, self.total_slip) if law.summed_slip else memory
+
+    def slip_derivative(self, along: Array, *, summed: bool = True) -> Iterator[Block]:
+        """Blocks of ``along`` times the derivative of the slip of the law, of this rank.
+
+        ``summed``: with the summed slip of former steps, which turns with the slave.
+        """
+        o, partners = self.operators, self.state.partners
+        yield from partners.derivative(o, along)
+        if summed and self.interface.pair.law.summed_slip:
+            yield from partners.carried_derivative(o, self.carried, along)
+
+    @property
+    def rubbing(self) -> VectorRow:
+        """Power z_t . s of the shear along the slip of the step, with its derivatives."""
+        n, z, s = self.operators.n, self.z_u, self.slip_vector
+        z_n, s_n = normal_parts(n, z)[:, None], normal_parts(n, s)[:, None]
+        z_t, s_t = z - z_n * n, s - s_n * n
+        power, none = np.einsum("ja,ja->j", z_t, s_t), np.zeros(len(z))
+        return VectorRow(power, s_t, z_t, none, -s_n * z - z_n * s)
+
+    @field(*LAW_ATTRIBUTES)
     def directions(self) -> Directions:
         """Direction of w; fixed tangents without friction, and where w is zero."""
         n, guided = self.operators.n, self.interface.is_guided
         along, none = self.fixed_tangents, np.zeros(len(n))
         if not self._has_slip:
             return Directions(along, np.cross(n, along), none)
-        w = tangential(self.z_u, n) + self.slip_weight[:, None] * self.tangential_slip
+        w = tangential(self.z_u, n) + self.slip_weight[:, None] * self.total_slip
         size = np.linalg.norm(w, axis=1)
         free = (size > AT_REST * self.slip_weight * self.interface.slave.extent) & ~guided
         size = np.where(free, size, 1.0)
@@ -589,7 +537,7 @@ class SpaceFields(ContactFields):
         if redundant.any():
             z = np.where(redundant[:, None], z - self.state.partners.shear, z)
         (e_z, t_z), (e_s, t_s) = (
-            [np.einsum("ja,ja->j", a, v) for a in (e, t)] for v in (z, self.tangential_slip)
+            [np.einsum("ja,ja->j", a, v) for a in (e, t)] for v in (z, self.total_slip)
         )
         turn = (by_u * t_s + (by_tau - 1.0) * t_z) * per_size
         along = self._row(
@@ -625,7 +573,7 @@ class SpaceFields(ContactFields):
         """
         residual, by_gap, by_u, by_n, by_tau, _ = np.broadcast_arrays(*row, self.z_n)
         e, t, size = self.directions
-        of_turn = by_u * normal_parts(t, self.tangential_slip) + by_tau * normal_parts(t, self.z_u)
+        of_turn = by_u * normal_parts(t, self.total_slip) + by_tau * normal_parts(t, self.z_u)
         turn = np.where(size > 0.0, of_turn / np.where(size > 0.0, size, 1.0), 0.0)
         return self._row(
             residual, by_gap, by_n, ((by_tau, e), (turn, t)),
@@ -654,6 +602,6 @@ class SpaceFields(ContactFields):
             if not factor.any():
                 continue
             of_slip = of_slip + factor[:, None] * a
-            normal_slip = np.einsum("ja,ja->j", n, self.slip_vector)
+            normal_slip = np.einsum("ja,ja->j", n, self.slip_vector + self.carried)
             by_normal = by_normal - (factor * normal_slip)[:, None] * a
         return VectorRow(residual, by_z, of_slip, by_gap, by_normal)

@@ -51,7 +51,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,15 +58,15 @@ from scipy.sparse import csr_array, diags, hstack
 
 from dolfinx import fem
 
-from fenics_mortar.contact.fields import ContactFields, change_along
 from fenics_mortar.contact.law import Row, VectorRow
-from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
+from fenics_mortar.contact.rows import change_along, row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, as_block, compressed
-from fenics_mortar.interface.traces import Trace, trace_of
-from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags, Indices
-from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+from fenics_mortar.interface.traces import FieldTraces
+from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags
+from fenics_mortar.utils.ranks import largest_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.contact.law_calls import Conductance, ConductanceValue
     from fenics_mortar.interface.mortar import NumberedColumns
     from fenics_mortar.mesh.space import DisplacementSpace
@@ -101,8 +100,7 @@ class FluxValues:
 
     def __init__(self, flux: Flux, f: ContactFields) -> None:
         law, cells = flux.law, flux.cells
-        self._law, self._traces, self._is_finite = law, flux.traces, flux.is_separate
-        self._dofs, self._spread = flux.dofs, flux.spreads[law.is_perfect]
+        self._flux, self._law, self._spread = flux, law, flux.spreads[law.is_perfect]
         self.f, self.o, self.on = f, f.operators, f.covered
         self.weight: Array = np.where(self.on, self.o.weight, 0.0)
         field = flux.T - law.on_obstacle  # on both sides
@@ -134,7 +132,7 @@ class FluxValues:
         gap = np.where(closed | ~self.on, 0.0, self.f.mean_gap)
         least = max(EPSILON * float(np.abs(self.o.x).max(initial=0.0)), TINY)  # known of a gap
         opened = np.where(closed | ~self.on, 0.0, np.maximum(gap, least))
-        h = law.evaluate(pressure, opened, finite=self._is_finite)
+        h = law.evaluate(pressure, opened, finite=self._flux.is_separate)
         h = h._replace(h=h.h + h.by_gap * np.minimum(gap, 0.0))
         if not callable(law.heating):
             return h, ()
@@ -189,7 +187,7 @@ class FluxValues:
     @cached_property
     def source(self) -> Row:
         """The source, power per area, and its derivatives, zero where open [flux]."""
-        f, law = self.f, self._law
+        f, law, rubbing = self.f, self._law, self._rubbing
         closed = f.state.active & self.on
         if callable(law.heating):
             power, slope = self._power
@@ -197,10 +195,20 @@ class FluxValues:
             return Row(np.where(closed, power, 0.0), by_z_n=np.where(pressed, slope, 0.0))
         if law.heating is None or not f.interface.pair.law.has_friction:
             return Row(np.zeros_like(self.weight))
-        node = f.nodal
-        rubs = np.where(closed & f.interface.follows_law, 1.0 / node.step, 0.0)
-        row = Row(rubs * f.z_tau * f.slip, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip)
-        return f.at_gaps(row)
+        rubs, power = self._rubs, f.z_tau * f.slip if rubbing is None else rubbing.residual
+        return f.at_gaps(Row(rubs * power, by_slip=rubs * f.z_tau, by_z_tau=rubs * f.slip))
+
+    @cached_property
+    def _rubs(self) -> Array:
+        """One over the step at closed nodes that follow the law, zero at others [1 / time]."""
+        closed = self.f.state.active & self.on & self.f.interface.follows_law
+        return np.where(closed, 1.0 / self.f.nodal.step, 0.0)
+
+    @cached_property
+    def _rubbing(self) -> VectorRow | None:
+        """Power of elastic bonds in space, whose shear is not along the slip of the step."""
+        f: Any = self.f
+        return f.rubbing if f.interface.pair.law.summed_slip and self.o.slave.dim == 3 else None
 
     def of_sides(self, q: Array) -> tuple[Array, Array]:
         """Fluxes that leave the slave and enter the master, for ``q`` of carriers (slave nodes,).
@@ -290,7 +298,10 @@ class FluxValues:
         by_gap = np.where(closed, 0.0, self.weight * self.h.by_gap)
         by_z_n = np.where(pressed, self.weight * self.h.by_pressure, 0.0)
         h = Row(np.zeros_like(self.weight), by_gap=by_gap, by_z_n=by_z_n)
-        return self.f.by_vectors(h), self.f.by_vectors(self.source)
+        source = self.f.by_vectors(self.source)
+        if self._rubbing is not None and np.any(self.source.by_slip):
+            source = VectorRow(*((self._rubs * part.T).T for part in self._rubbing))
+        return self.f.by_vectors(h), source
 
     @cached_property
     def by_displacements(self) -> list[list[Block]]:
@@ -301,15 +312,15 @@ class FluxValues:
             list(o.matrix_derivative(on_slave, *(on_master or [np.zeros(0)]))),
             list(row_by_displacements(self.f, h)),
             list(o.weight_derivative()),
-            list(row_by_displacements(self.f, source)),
+            list(row_by_displacements(self.f, source, summed=False)),
         ]
 
     def by_field(self) -> Iterator[Block]:
         """Blocks of the weighted jumps' derivative by the field's dofs; rows are slave nodes."""
-        o, s = self.o, self.o.segments
-        yield Block(o.facet_nodes, *self._traces[0].columns(o.facet_nodes, o.D))
-        if len(self._traces) > 1:
-            yield Block(s.slave, *self._traces[1].columns(s.master, -o.M))
+        o, s, (slave, *masters) = self.o, self.o.segments, self._flux.traces
+        yield Block(o.facet_nodes, *slave.columns(o.facet_nodes, o.D))
+        for master in masters:
+            yield Block(s.slave, *master.columns(s.master, -o.M))
 
     @property
     def by_unknowns(self) -> list[list[Block]]:
@@ -320,7 +331,7 @@ class FluxValues:
     def derivative(self, parts: Sequence[Iterable[Block]]) -> Block:
         """Derivatives of the loads by unknowns, from ``parts`` of the four quantities."""
         numbers, change = self.stacked(parts)
-        return as_block(csr_array(self.by_quantities @ change), self._dofs, numbers)
+        return as_block(csr_array(self.by_quantities @ change), self._flux.dofs, numbers)
 
 
 # e_max over the conduction of the cells beside a node [1]. Jumps decrease by this factor in an
@@ -353,7 +364,7 @@ class NodalFlux:
     into_master: float
 
 
-class Flux:
+class Flux(FieldTraces):
     """A ``Conductance`` bound to a contact.
 
     Args:
@@ -367,22 +378,17 @@ class Flux:
         law, column: See the arguments.
         is_separate: Whether the field is solved for in another problem.
         traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
-        dofs: All dofs of the traces, shape (d,), replicated.
-        T: The field at these, shape (d,), replicated.
-        interpolations: Matrices E, values at the nodes of the traces by those at the dofs.
+        T: The field at the dofs of the traces, shape (d,), replicated.
         spreads: Matrices A without and with perfect conduction, shape (slave nodes, slave nodes).
         cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
             field]; inf for a separate field.
         stiffest: e_max over the conduction of the cells [1].
         to_force: Factor that turns loads into forces of Newton's residual [stress / flux].
-        jumps: Whether the conductance may jump where contact closes.
 
     Raises:
         ValueError: On all ranks, if the space has no such field, or an obstacle no temperature, or
             a separate field is conducted perfectly.
     """
-
-    jumps: Any = property(attrgetter("law.jumps"))
 
     def __init__(
         self,
@@ -401,9 +407,7 @@ class Flux:
                 f"{cure}"
             )
         sides = (contact.slave,) if rigid else (contact.slave, contact.master)
-        self.traces: list[Trace] = [trace_of(space, law.field, side) for side in sides]
-        self.dofs: Indices = np.unique(np.concatenate([t.dofs.ravel() for t in self.traces]))
-        self.dofs = self.dofs[self.dofs >= 0]
+        super().__init__(space, law.field, sides)
         self.is_separate = isinstance(law.field, fem.Function)
         if self.is_separate and law.is_perfect:
             raise ValueError(
@@ -411,16 +415,14 @@ class Flux:
                 "possible, since its flux is an unknown of one system; expected a finite "
                 "conductance, or the number of a sub-space of a mixed function"
             )
-        self._owned = space.first, space.first + space.num_owned
         if isinstance(law.field, fem.Function):  # its conditions are not known
-            self._owned = law.field.function_space.dofmap.index_map.local_range
             prescribed = np.zeros(law.field.x.array.size, bool)
         self.T, self.to_force = np.zeros(self.dofs.size), 1.0
-        self.spreads = self.traces[0].spreads(prescribed, at_vertices=contact.at_vertices)
+        free = self.interpolations[0] @ self.gathered(prescribed) < 1.0
+        self.spreads = self.traces[0].spreads(free, at_vertices=contact.at_vertices)
         self.cells = np.full(contact.slave.num_nodes, np.inf)
         self.stiffest = STIFFEST
         self._kept: tuple[Any, Any, FluxValues] | None = None
-        self.interpolations = [trace.interpolation(self.dofs) for trace in self.traces]
 
     def evaluate(self, u: Array) -> None:
         """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
@@ -428,7 +430,7 @@ class Flux:
         Collective.
         """
         field: Any = self.law.field
-        self.T = self._gathered(field.x.array if self.is_separate else u)
+        self.T = self.gathered(field.x.array if self.is_separate else u)
 
     def set_conduction(self, to_force: Array, own: Array) -> None:
         """Set the conduction of the cells (collective).
@@ -437,10 +439,9 @@ class Flux:
             to_force: Factors that turn loads into forces, shape (owned dofs,).
             own: Load of a dof by a unit of its own field, shape (owned dofs,).
         """
-        mine, _ = self._mine
         comm, areas = self._contact.slave.comm, self._contact.slave.nodal_areas
-        self.to_force = float(largest_over_ranks(comm, to_force[mine].max(initial=0.0)))
-        at_nodes = self.interpolations[0] @ self._gathered(own)
+        self.to_force = float(largest_over_ranks(comm, to_force[self._mine].max(initial=0.0)))
+        at_nodes = self.interpolations[0] @ self.gathered(own)
         self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
 
     @property
@@ -454,24 +455,6 @@ class Flux:
         now = self.now
         largest = np.abs(now.weight * now.source.by_slip).max(initial=0.0)
         return EPSILON * float(largest * np.abs(now.o.x).max(initial=0.0))
-
-    @property
-    def _mine(self) -> tuple[Indices, Indices]:
-        """Local numbers of the owned dofs, and their positions in ``dofs``, (k,) each (local)."""
-        first, end = self._owned
-        at = np.flatnonzero((self.dofs >= first) & (self.dofs < end))
-        return self.dofs[at] - first, at
-
-    def _gathered(self, values: Array) -> Array:
-        """Values (owned dofs,) at ``dofs`` on all ranks, shape (d,) (collective)."""
-        found, (mine, at) = np.zeros(self.dofs.size), self._mine
-        found[at] = values[mine]
-        return sum_over_ranks(self._contact.slave.comm, found)
-
-    def row_squares(self) -> float:
-        """Sum of squares of the rows of q as forces [stress^2 length^2] (collective)."""
-        now = self.now
-        return float(((self.to_force * now.weight * now.row) ** 2).sum())
 
     # Values
 
@@ -536,7 +519,7 @@ class Flux:
         h += np.einsum("jc,jc->j", row.by_z, z)
         if motion.size:
             h += row_by_motions(now.f, row) @ motion
-        jump += now.jumps @ self._gathered(u)
+        jump += now.jumps @ self.gathered(u)
         return np.asarray(now.q_by_quantities @ np.concatenate([jump, h, weight]))
 
     @property
@@ -569,15 +552,6 @@ class Flux:
         """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
         self.add(np.sum(self.loads(), axis=0), target)
 
-    def add_row_loads(self, target: Array) -> None:
-        """Add the loads by which the rows of q change those of the state (collective).
-
-        Args:
-            target: Shape (owned dofs,); changed in place [flux length].
-        """
-        now = self.now
-        self.add(now.by_conduction(now.next_q - now.q), target)
-
     def add_newton_loads(self, target: Array) -> None:
         """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
 
@@ -588,11 +562,6 @@ class Flux:
         h, source = (np.einsum("jc,jc->j", row.by_z, z) for row in now.rows)
         linear = now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source])
         self.add(linear - np.sum(now.loads(now.next_q), axis=0), target)
-
-    def add(self, values: Array, target: Array) -> None:
-        """Add ``values`` (d, ...) at the dofs to those of this rank in ``target`` (local)."""
-        mine, at = self._mine
-        target[mine] += values[at]
 
     # Derivatives
 
@@ -654,12 +623,12 @@ class Flux:
             Parts of unknowns, multipliers and motions [their units], shaped as ``remainder``.
         """
         contact, now = self._contact, self.now
-        d[:] = now.of_carriers(now.jumps @ self._gathered(u)) + now.kept * d
+        d[:] = now.of_carriers(now.jumps @ self.gathered(u)) + now.kept * d
         q = -now.kept * d
         by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
         numbers, change = now.stacked(now.by_unknowns)
         values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])
-        first, end = self._owned
+        first, end = self.owned
         on_bodies, motion = np.zeros_like(u), np.zeros(0)
         for dofs, of_rank in contact.slave.comm.allgather((numbers, values)):
             mine = (dofs >= first) & (dofs < end)
@@ -668,11 +637,6 @@ class Flux:
         if contact.obstacle is not None:
             motion = by_h @ row_by_motions(now.f, row)
         return on_bodies, by_h[:, None] * row.by_z, motion
-
-    def field_derivative(self) -> Block:
-        """Derivatives of the loads by the field alone (collective)."""
-        now = self.now
-        return now.derivative([now.by_field()])
 
     def by_multipliers(self) -> Block:
         """Derivatives of the loads by multipliers; columns index z.ravel() (collective)."""

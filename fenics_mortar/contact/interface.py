@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Base of contacts and ties: two surfaces, their state, multipliers and forces.
 
-The two surfaces of a pair: extraction, checks, substitutes of nodes without weight.
-
 What the linear systems need of each component of an interface's multipliers.
 
 Evaluation of the operators of one contact with a master surface or an obstacle.
@@ -25,20 +23,17 @@ import numpy as np
 from fenics_mortar.contact.interface_fields import InterfaceFields, InterfaceState
 from fenics_mortar.contact.pair import PRESETS, Discretization
 from fenics_mortar.interface import integrals
-from fenics_mortar.interface.corners import TURN
-from fenics_mortar.interface.curve_surface import turn_between
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.outline import Outline, Sight
 from fenics_mortar.interface.reference import AT_VERTICES, Basis
 from fenics_mortar.interface.space_mortar import evaluate_space
 from fenics_mortar.interface.surfaces import POINTS, Surface
-from fenics_mortar.interface.traces import extract_surface
+from fenics_mortar.interface.traces import at_tips, substitutes_of, surfaces_of
 from fenics_mortar.kernels.space import shapes
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import at_place
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
@@ -51,120 +46,6 @@ DISTORTED = 0.05
 
 # Phase of the clock for ``integrals``.
 INTEGRALS = clock("integrals")
-
-
-def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Any, Any]:
-    """Slave and master of a pair (collective).
-
-    Both are the same object if the surface may touch itself. The surface of an obstacle has no
-    nodes.
-
-    Args:
-        pair: The pair.
-        space: Nodes and dofs of the displacement.
-        welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
-
-    Raises:
-        SurfaceError: On all ranks, if the surfaces share nodes other than tips of cracks.
-    """
-    tags = pair.data.facet_tags
-    extracted = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
-    slave = extracted.welded(welds)
-    if pair.master is None:
-        return slave, slave
-    if isinstance(pair.master, Obstacle):
-        master = slave.of_nodes(NO_NODES, slave.facets[:0], name=pair.master_name, thickness=None)
-    else:
-        on_master = pair.data.boundary_tags(pair.master)
-        master = extract_surface(space, tags, on_master, pair.master_name)
-    master = master.welded(welds)
-    _check_shared_nodes(slave, master)
-    return slave, master
-
-
-def _check_shared_nodes(slave: Any, master: Any) -> None:
-    """Check that only tips of cracks are shared, where both surfaces end and fold back (local)."""
-    j, turns = turns_at_shared(slave, master)
-    wrong = np.flatnonzero(~(turns < TURN))
-    if slave.dim == 3 and wrong.size:
-        raise SurfaceError(
-            f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
-            f"{format_point(slave.X[j[wrong[0]]])}; expected surfaces of bodies that are not "
-            "joined in the mesh: `fragment` and `removeDuplicateNodes` join them, and cracks in "
-            "space are not supported"
-        )
-    if wrong.size and set(slave.nodes) == set(master.nodes):
-        raise SurfaceError(
-            f"slave and master are the same surface, '{slave.name}': give the other one, or for "
-            "contact of a surface with itself no master, ContactPair(data, slave)"
-        )
-    if wrong.size:
-        reason = (
-            "bodies are joined by nodes that both have, as after `fragment` or "
-            "`removeDuplicateNodes`; the faces of a crack share its tips, where both end, and "
-            "have different nodes everywhere else, as by gmsh's plugin Crack"
-            if np.isnan(turns[wrong]).any()
-            else "they meet at a corner of one body and do not face each other"
-        )
-        raise SurfaceError(
-            f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
-            f"{format_point(slave.X[j[wrong[0]]])}; expected different surfaces that are not "
-            f"joined in the mesh: {reason}"
-        )
-
-
-def turns_at_shared(slave: Any, master: Any) -> tuple[Indices, Array]:
-    """Nodes of the slave that are in both surfaces, and turns of the outline there (local).
-
-    Returns:
-        Their numbers in the slave, shape (k,), and turns to the left [radian], negative at the tip
-        of a crack; nan unless one surface ends where the other begins, shape (k,).
-    """
-    j, l = equal_pairs(slave.nodes, master.nodes)
-    j, l = (k[(j != l) | (slave is not master)] for k in (j, l))
-    turns = np.full(j.size, np.nan)
-    if slave.dim == 3:
-        return j, turns
-    for before, i, after, k in ((slave, j, master, l), (master, l, slave, j)):
-        ends = np.flatnonzero((before.following[i] < 0) & (after.previous[k] < 0))
-        i, k = i[ends], k[ends]
-        start = before.along(i, range(-before.degree, 0))[:, 0]
-        stop = after.along(k, range(after.degree, after.degree + 1))[:, 0]
-        turns[ends] = turn_between(before.X[i] - before.X[start], after.X[stop] - after.X[k])
-    return j, turns
-
-
-def equal_pairs(a: Indices, b: Indices) -> tuple[Indices, Indices]:
-    """All positions with a[j] == b[l], in the order of j and then l, each (k,) (local).
-
-    Numbers may occur several times; no array of all pairs is needed.
-    """
-    order = np.argsort(b, kind="stable")
-    first, stop = (np.searchsorted(b, a, side, order) for side in ("left", "right"))
-    counts = stop - first
-    before = np.cumsum(counts) - counts
-    at = np.arange(counts.sum()) + np.repeat(first - before, counts)
-    return np.repeat(np.arange(a.size), counts), order[at]
-
-
-def at_tips(slave: Any, master: Any) -> Flags:
-    """Whether a slave node is also one of the other face, at the tip of a crack, (slave nodes,).
-
-    It has no gap, and therefore no multiplier.
-    """
-    j, turns = turns_at_shared(slave, master)
-    found = np.zeros(slave.num_nodes, bool)
-    found[j[turns < TURN]] = True
-    return found
-
-
-def substitutes_of(slave: Any, *, at_vertices: bool) -> tuple[Indices, Indices]:
-    """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
-    if slave.dim == 3:
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    alone, step = np.flatnonzero(slave.weightless), slave.degree if at_vertices else 1
-    before, after = slave.along(alone, range(-step, step + 1, 2 * step)).T
-    return alone, np.where(after >= 0, after, before)
 
 
 def points_per_segment(pair: Any, slave: Surface, master: Surface) -> int:
@@ -341,7 +222,7 @@ class Interface(ABC):
     z, active = read_only("_state.z"), read_only("_state.active")
     branch, multiplier_nodes = read_only("_state.branch"), read_only("_state.multiplier_nodes")
     redundant, partners = read_only("_state.redundant"), read_only("_state.partners")
-    accepted_partners, heading = read_only("_state.accepted_partners"), read_only("_state.heading")
+    accepted_partners = read_only("_state.accepted_partners")
     accepted_instant = read_only("_state.accepted_instant")
     operators, gap = read_only("now.operators"), read_only("now.gap")
     covered, acts = read_only("now.covered"), read_only("now.acts")
@@ -362,16 +243,11 @@ class Interface(ABC):
             welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
         """
         self.pair = pair
-        self.slave: Any
-        self.master: Any
         self.slave, self.master = surfaces_of(pair, space, welds)
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         count = self.slave.num_nodes
         self.shared: Flags = at_tips(self.slave, self.master)
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
-        self.stiffness: Array
-        self.modulus: Array
-        self.foundation: Array
         self.set_stiffness(np.ones(count))
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
@@ -402,9 +278,9 @@ class Interface(ABC):
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
-        self.stiffness = stiffness
-        self.modulus = stiffness / self.slave.mean_thickness
-        self.foundation = stiffness / self.slave.nodal_areas
+        self.stiffness: Array = stiffness
+        self.modulus: Array = stiffness / self.slave.mean_thickness
+        self.foundation: Array = stiffness / self.slave.nodal_areas
         if hasattr(self, "now"):
             self.set_operators(self.operators)
 
@@ -481,11 +357,7 @@ class Interface(ABC):
 
     def load_blocks(self) -> list[Block]:
         """Blocks of all loads' derivatives by z; columns index z.ravel() (collective)."""
-        return [*self.force_blocks(), *self.flux_blocks()]
-
-    def flux_blocks(self) -> list[Block]:
-        """Blocks of the fluxes' derivatives by z; columns index z.ravel() (collective)."""
-        return [flux.by_multipliers() for flux in self.fluxes]
+        return [*self.force_blocks(), *(flux.by_multipliers() for flux in self.fluxes)]
 
     def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
@@ -499,7 +371,7 @@ class Interface(ABC):
     def force_blocks(self) -> list[Block]:
         """Blocks of B^T, the force by acting multipliers; columns index z.ravel().
 
-        Only nonzero entries, to keep the system sparse. Without ``flux_blocks``.
+        Only nonzero entries, to keep the system sparse. Without fluxes.
         """
         return blocks_of(self.force_entries(), np.arange(self.z.size).reshape(self.z.shape))
 
@@ -548,8 +420,8 @@ def acting_entries(o: MortarOperators, acts: Flags) -> Iterator[tuple[Indices, I
 class Reference(NamedTuple):
     """Frozen operators of the undeformed mesh, with multiplier nodes and obstacle position.
 
-    A pickle omits the operators, which belong to a communicator; they are ``None`` then, and are
-    integrated again in the next evaluation.
+    Pickles and files omit the operators, which belong to a communicator; they are ``None`` then,
+    and are integrated again in the next evaluation.
     """
 
     operators: Any
@@ -617,7 +489,7 @@ class OperatorEvaluation:
 
         Args:
             u: Displacement, shape (local dofs,) [length].
-            state: State, of which multiplier nodes and frozen operators are used.
+            state: State, of which multiplier nodes, offset and frozen operators are used.
             linearization: Derivatives to evaluate.
 
         Without an obstacle, the operators of an earlier call are returned if their arguments are
@@ -627,20 +499,29 @@ class OperatorEvaluation:
             The operators, and those of the undeformed mesh if sliding is small.
         """
         behind, x, m = self._positions_at(u)
-        if not self.small:
-            self.behind = behind
-            return self._integrate(x, m, state.multiplier_nodes, linearization, behind), None
-        kept = state.reference
+        if self.small:
+            found, kept = self._after_small_motion(x, m, state, linearization)
+        else:
+            self.behind, kept = behind, None
+            found = self._integrate(x, m, state.multiplier_nodes, linearization, behind)
+        return found.minus_offset(state.offset) if state.offset.any() else found, kept
+
+    def _after_small_motion(
+        self, x: Array, m: Array, state: InterfaceState, linearization: Linearization
+    ) -> tuple[MortarOperators, Reference]:
+        """Operators of small sliding with nodes at ``x`` and ``m``, see ``evaluate``."""
+        kept, nodes = state.reference, state.multiplier_nodes
         if kept is not None and kept.operators is None:
-            kept = self.reference_at(kept.place, state.multiplier_nodes)
-        if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
-            kept = self.evaluate_reference(state.multiplier_nodes)
+            with at_place(self.obstacle, kept.place):
+                kept = self._evaluate_reference(nodes)
+        if kept is None or not np.array_equal(kept.multiplier_nodes, nodes):
+            kept = self._evaluate_reference(nodes)
         place = [] if self.obstacle is None else [kept.place]
         moved = kept.operators.after_small_motion(x, m, *place)
         exact = replace(moved.linearization, exact=linearization.exact)
         return replace(moved, linearization=exact), kept
 
-    def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:
+    def _evaluate_reference(self, multiplier_nodes: Flags) -> Reference:
         """Evaluate the operators of the undeformed mesh (collective).
 
         Args:
@@ -652,37 +533,21 @@ class OperatorEvaluation:
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
 
-    def reference_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
-        """Operators of the undeformed mesh of an earlier state (collective).
-
-        Args:
-            place: ``place_of`` the reference of that state.
-            multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
-        """
-        if np.isnan(place).any():
-            return None
-        if self.obstacle is None:
-            return self.evaluate_reference(multiplier_nodes)
-        with at_place(self.obstacle, place):
-            return self.evaluate_reference(multiplier_nodes)
-
-    def at_outline(
-        self, outline: Outline, x: Array, state: InterfaceState, linearization: Linearization
-    ) -> MortarOperators:
-        """Evaluate the operators with the nodes of outlines at given positions (collective).
+    def at_outline(self, outline: Outline, x: Array, state: InterfaceState) -> MortarOperators:
+        """Frozen operators with the nodes of outlines at given positions (collective).
 
         Args:
             outline: Outlines of the bodies of all pairs.
             x: Positions of their nodes, shape (n, dim) [length].
             state: See ``evaluate``.
-            linearization: See ``evaluate``.
         """
         on_slave, on_master = (x[outline.indices_of(s.nodes)] for s in (self.slave, self.master))
         behind = None
         if self.sight is not None:
             behind = self.sight.behind(x[outline.indices_of(self.sight.outline.nodes)])
-        nodes = state.multiplier_nodes
-        return self._integrate(on_slave, on_master, nodes, linearization, behind)
+        nodes, frozen = state.multiplier_nodes, LINEARIZATIONS["frozen"]
+        found = self._integrate(on_slave, on_master, nodes, frozen, behind)
+        return found.minus_offset(state.offset) if state.offset.any() else found
 
     def intersections(self, o: MortarOperators) -> Any:
         """Intersections of this rank's slave facets with the master, for any integration (local).

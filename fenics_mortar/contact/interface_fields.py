@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.law import Branches
 
 # Attributes that follow from the others at the end of a solve; they are not written to files.
-# Instants are written by ``law_calls``.
+# Instants are written by ``io.checkpoint``.
 DERIVED = {"derived": True}
 # Time and memory before the first step, without a law.
 FIRST = Instant.of(0.0, 1.0, {})
@@ -239,7 +239,7 @@ class InterfaceFields:
     @property
     def friction_work(self) -> float:
         """Work of the shear at the end of the step along the slip in it [stress length^2]."""
-        return 0.0
+        return float(self.shear_force @ self.slip)
 
     @property
     def pressure(self) -> Array:
@@ -289,6 +289,5 @@ class InterfaceFields:
         if alone.size:
             values[alone] = values[others]
         if self.interface.at_vertices:
-            inner, ends, weights = self.interface.slave.between_corners
-            values[inner] = (values[ends] * weights).sum(axis=1)
+            values[:] = self.interface.slave.from_corners @ values
         return values

@@ -261,6 +261,11 @@ def check_names(law: Law) -> None:
         missing = [name for name in given if what != "memory" and not hasattr(law, name)]
         if missing:
             raise ValueError(f"{type(law).__name__} has no attribute {missing[0]!r} of its {what}")
+    if law.summed_slip not in (None, *law.memory):
+        raise ValueError(
+            f"summed_slip of {type(law).__name__} is {law.summed_slip!r}: expected a name in its "
+            f"memory, {law.memory!r}, or None"
+        )
 
 
 def varies(value: Any) -> bool:
@@ -273,7 +278,7 @@ def check_positive(law: Law, *names: str, zero: bool = False) -> None:
 
     Args:
         law: The law.
-        names: Names of its attributes; those that vary in space are not checked.
+        names: Names of its attributes; ``fields`` that vary in space are not checked.
         zero: Whether zero is allowed.
 
     Raises:
@@ -282,8 +287,14 @@ def check_positive(law: Law, *names: str, zero: bool = False) -> None:
     expected = "zero or a positive number" if zero else "a positive number"
     for name in names:
         value = getattr(law, name)
-        if not varies(value):
-            check_number(name, value, expected, lambda x: 0.0 < x < np.inf or (zero and x == 0.0))
+        if not (name in law.fields and varies(value)):
+            check_entries(name, value, expected, lambda x: 0.0 < x < np.inf or (zero and x == 0.0))
+
+
+def check_entries(name: str, value: Any, expected: str, allows: Callable[[Any], bool]) -> None:
+    """``check_number`` of a number or of each entry of an array (local)."""
+    for entry in value.ravel().tolist() if isinstance(value, np.ndarray) else [value]:
+        check_number(name, entry, expected, allows)
 
 
 class Law(ABC):
@@ -301,6 +312,10 @@ class Law(ABC):
         needs_time: Whether the law needs the length of the step, so that ``ContactProblem.time``
             has to increase from solve to solve.
         bridges_gap: Whether the tangential row also holds at open nodes with adhesion.
+        summed_slip: Name in ``memory`` of the slip summed over the steps, for elastic bonds, or
+            ``None``: the law depends on its sum with ``slip``, and remembers this. In space it is a
+            vector, zero at the start, which turns with the slave; shear and slip are then those
+            along the total slip, and memory and results have its components, as "slid_x".
     """
 
     parameters: tuple[str, ...] = ()
@@ -308,6 +323,7 @@ class Law(ABC):
     fields: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
+    summed_slip: str | None = None
 
     def __repr__(self) -> str:
         """Name and public numbers, equal on all ranks."""

@@ -85,8 +85,33 @@ def first_instant(law: Law, slave: Surface, time: float) -> Instant:
         return check_memory(law, "initial", law.initial(slave.X.copy()), slave.num_nodes)
 
     memory = call_together(slave.comm, f"{law!r}", initial) if law.memory else {}
+    if law.summed_slip and slave.dim == 3:
+        memory = in_components(law, memory, np.zeros_like(slave.X))
     check_same(slave.comm, [(f"{name} of {law!r}", values) for name, values in memory.items()])
     return Instant.of(time, 1.0, memory)
+
+
+def names_of_memory(law: Law, dim: int) -> tuple[str, ...]:
+    """Names of the numbers that a law stores at each node, in space of components (local)."""
+    names = list(law.memory)
+    if law.summed_slip and dim == 3:
+        at = names.index(law.summed_slip)
+        names[at : at + 1] = [f"{law.summed_slip}_{axis}" for axis in "xyz"]
+    return tuple(names)
+
+
+def in_components(law: Law, memory: Mapping[str, Array], slip: Array) -> dict[str, Array]:
+    """Memory of a law in space, [its units], its summed slip a vector ``slip`` (nodes, 3)."""
+    names, values = names_of_memory(law, 3), dict(memory)
+    del values[str(law.summed_slip)]
+    axes = (name for name in names if name not in values)
+    values |= dict(zip(axes, slip.T, strict=True))
+    return {name: values[name] for name in names}
+
+
+def summed_slip_of(law: Law, memory: Mapping[str, Array]) -> Array:
+    """The vector of the summed slip in the memory of a law in space, (slave nodes, 3) [length]."""
+    return np.column_stack([memory[f"{law.summed_slip}_{axis}"] for axis in "xyz"])
 
 
 def check_memory(law: Law, what: str, result: Any, count: int) -> dict[str, Array]:
@@ -113,23 +138,6 @@ def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
     if not np.isfinite(array).all():
         raise ValueError(f"{law!r}: {what} is not finite at {(~np.isfinite(array)).sum()} nodes")
     return array.astype(float)
-
-
-def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
-    """Names of the memory, time and step (2,), and memory (names, slave nodes), for files (local).
-
-    Units are those of the law [time, its units]. Names and memory of a tie are empty.
-    """
-    instant, count = contact.accepted_instant, contact.slave.num_nodes
-    values = np.array(list(instant.memory.values()), float).reshape(-1, count)
-    return list(instant.memory), np.array([instant.time, instant.step]), values
-
-
-def restore_instant(contact: Any, clock: Array, values: Array) -> None:
-    """Set (time, step) and memory (names, slave nodes) from a file, for the present law (local)."""
-    time, step = map(float, clock)
-    memory = dict(zip(contact.accepted_instant.memory, values, strict=True))
-    contact.change(accepted_instant=Instant.of(time, step, memory), load_time=time)
 
 
 class Parameters:

@@ -138,23 +138,19 @@ class Discretization:
         check_number("max_angle", self.max_angle, expected, lambda angle: 0.0 < angle < 90.0)
         check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
 
-    def options(self, points: int, radius: float) -> MortarOptions:
+    def options(self, basis: Basis, points: int, radius: float) -> MortarOptions:
         """Options of the operators (local).
 
         Args:
+            basis: Basis on the slave, see ``basis_on``.
             points: Gauss points per segment, with "elements" per slave facet.
             radius: Search radius along the normal [length].
         """
+        min_cosine, corners = float(np.cos(np.radians(self.max_angle))), self.normals == "opposite"
         return MortarOptions(
-            self.basis,
-            self.normals,
-            self.gap_weights,
-            self.integration,
-            points,
-            radius,
-            float(np.cos(np.radians(self.max_angle))),
-            corners=self.normals == "opposite",
-        )
+            basis, self.normals, self.gap_weights, self.integration, points, radius, min_cosine,
+            corners,
+        )  # fmt: skip
 
     def _check_combination(self) -> None:
         """Raise for options without effect or meaning in combination with another one (local)."""
@@ -291,6 +287,7 @@ class ContactPair:
         fluxes: Sequence[Conductance] = (),
         discretization: str | Discretization = "default",
     ) -> None:
+        check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
         self.slave_name = joined_names(slave)
         self.master_name = self.slave_name if master is None else joined_names(master)
@@ -299,11 +296,9 @@ class ContactPair:
         self.sliding: Sliding = sliding
         self.fluxes = fluxes
         self.law: Law = Frictionless() if law is None else law
-        self.discretization: Discretization
-        if getattr(data, "mesh", None) is None:  # without a communicator, the error is local
-            self._set_up(discretization)
         with together(data.mesh.comm, "ContactPair"):
-            self._set_up(discretization)
+            self.discretization = as_discretization(discretization)
+            self.check()
             if isinstance(slave, Obstacle):
                 raise ValueError(
                     f"slave={slave!r}: an obstacle has no multiplier and can only be the master; "
@@ -318,11 +313,6 @@ class ContactPair:
         for names in (slave, master):
             if not (names is None or isinstance(names, Obstacle)):
                 data.boundary_facets(names)
-
-    def _set_up(self, discretization: Any) -> None:
-        """Set the discretization and check all options (local)."""
-        self.discretization = as_discretization(discretization)
-        self.check()
 
     def check(self) -> None:
         """Check the options (local).

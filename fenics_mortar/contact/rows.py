@@ -8,7 +8,10 @@ so that all have the units of the bulk rows. They are combined into Cartesian co
 
 In space the law has rows along two tangents, with the weights e D and t D.
 
-Active set and branches of the contact law, from the complementarity function.
+Changes of the gaps and rates of slip and opening in given motions of both surfaces.
+
+Active set and branches of the contact law, from the complementarity function, and the tractions
+that the law admits at other pressures and gaps.
 
 Not every slave node carries a multiplier. A node with prescribed components whose normal is
 approximately along the free ones lies on a symmetry plane; its normal is set to its part along
@@ -37,22 +40,24 @@ neighbour, has no effect: for s > 0 the functions span the original space.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fenics_mortar.contact.interface_fields import normal_parts, tangential
 from fenics_mortar.contact.law import KINK, STICK, Branches, VectorRow
+from fenics_mortar.interface.integrals import PlaneOperators
 from fenics_mortar.interface.mortar import Block, scaled
-from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.kernels.blocks import expand_rows
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.fields import ContactFields
+    from fenics_mortar.contact.interface_fields import InterfaceFields
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D of
 # the law; with a closing gap of the law, weights of gaps are zero, and the weight -n k of the
@@ -92,7 +97,7 @@ class ContactRows:
         """The linearized rows; shapes and units are those of ``Rows``."""
         f: ContactFields = self._interface.now
         o, z, own = f.operators, f.z_u, f.interface.slave.owned
-        if isinstance(o, SpaceOperators):
+        if not isinstance(o, PlaneOperators):  # whose derivatives are found with the integrals
             f.acting.linearize_at(z)  # with the forces, which are differentiated next
         normal, idle, *weights = self.frame()
         dim, j = normal.shape[1], own[f.acts[own]]
@@ -109,7 +114,7 @@ class ContactRows:
             turned = np.einsum("ja,jaq->jq", row.by_normal[j], o.dn[j])
             blocks.append(Block(numbers, columns, -weight[j][:, :, None] * turned[:, None]))
             if row.by_slip.any():
-                of_slip = f.state.partners.derivative(o, row.by_slip)
+                of_slip = f.slip_derivative(row.by_slip)
                 blocks += [normal_rows(block, -weight) for block in of_slip]
         return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
@@ -124,7 +129,7 @@ class ContactRows:
         o, on, k = f.operators, f.state.active, f.interface.stiffness
         rows = f.law_rows if o.slave.dim == 2 else f.vector_rows  # derivatives are not needed
         sizes = o.diagonal * np.array([row.residual for row in rows[: o.slave.dim]])
-        along, opening, gap = sizes[:-1, f.acts], sizes[-1, f.attracted], f.covered_gap[on]
+        along, opening, gap = sizes[:-1, f.acts], sizes[-1, f.attracted], f.nodal.gap[on]
         forces = np.concatenate([k[on] * gap, opening, along.ravel()])
         largest = np.abs(gap / f.nodal_lengths[on]).max(initial=0.0)
         return float(forces @ forces), float(largest)
@@ -175,7 +180,7 @@ class ContactRows:
         """Derivative of the rows by obstacle motions, (slave nodes, dim, m) [stress]."""
         f: ContactFields = self._interface.now
         normal, _, *weights = self.frame()
-        rows = np.einsum("ja,jm->jam", normal, f.on_obstacle.dgap_dq)
+        rows = np.einsum("ja,jm->jam", normal, f.operators.dgap_dq)
         for weight, row in zip(weights, f.vector_rows, strict=True):
             rows = rows - np.einsum("ja,jm->jam", weight, row_by_motions(f, row))
         return rows
@@ -183,11 +188,16 @@ class ContactRows:
 
 def gap_by_motions(f: ContactFields) -> Array:
     """d(mean gaps)/d(obstacle motions), (slave nodes, m) [1]; zero at uncovered nodes."""
-    return f.on_obstacle.dgap_dq * f.per_weight[:, None]
+    return f.operators.dgap_dq * f.per_weight[:, None]
 
 
-def row_by_displacements(f: ContactFields, row: VectorRow) -> Iterator[Block]:
-    """Blocks of the derivative of a row by displacements, rows are slave nodes, of this rank."""
+def row_by_displacements(
+    f: ContactFields, row: VectorRow, *, summed: bool = True
+) -> Iterator[Block]:
+    """Blocks of the derivative of a row by displacements, rows are slave nodes, of this rank.
+
+    ``summed``: whether its slip is that of the law, or only that of the step.
+    """
     o, own = f.operators, f.interface.slave.owned
     turned = o.normal_derivative(row.by_normal)[own]
     yield Block(own[:, None], o.normal_columns()[own], turned[:, None])
@@ -198,12 +208,12 @@ def row_by_displacements(f: ContactFields, row: VectorRow) -> Iterator[Block]:
         for block in o.weight_derivative():
             yield scaled(block, -per_weight * f.mean_gap)
     if row.by_slip.any():
-        yield from f.state.partners.derivative(o, row.by_slip)
+        yield from f.slip_derivative(row.by_slip, summed=summed)
 
 
 def row_by_motions(f: ContactFields, row: VectorRow) -> Array:
     """Derivative of a row by motions of an obstacle, (slave nodes, m) [row / length] (local)."""
-    o = f.on_obstacle
+    o = f.operators
     change = np.einsum("ja,jam->jm", row.by_normal, o.dn_dq)
     if row.by_gap.any():
         change = change + row.by_gap[:, None] * gap_by_motions(f)
@@ -212,6 +222,67 @@ def row_by_motions(f: ContactFields, row: VectorRow) -> Array:
         parts = row.by_slip.reshape(count, -1), slip.reshape(count, -1, motions)
         change = change + np.einsum("ja,jam->jm", *parts)
     return np.asarray(change)
+
+
+def change_along(
+    f: InterfaceFields, blocks: Sequence[Block], on_slave: Array, on_master: Array
+) -> Array:
+    """Product of blocks, whose rows are slave nodes, and directions (collective).
+
+    Args:
+        f: Fields of the pair.
+        blocks: Blocks of this rank.
+        on_slave: Displacements of the slave nodes, shape (..., n, dim) [length].
+        on_master: Displacements of the master nodes, shape (..., n, dim) [length].
+
+    Returns:
+        Shape (..., slave nodes), equal on all ranks.
+    """
+    sides = f.interface.slave, f.interface.master
+    dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
+    several = on_slave.shape[:-2]
+    both = [x.reshape(*several, x.shape[-2] * x.shape[-1]) for x in (on_slave, on_master)]
+    values, order = np.concatenate(both, axis=-1), np.argsort(dofs)
+    change = np.zeros((sides[0].num_nodes, *several))
+    for block in blocks:
+        index = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
+        direction = np.where(block.columns >= 0, values[..., index], 0.0)
+        rates = np.einsum("bjq,...bq->bj...", block.values, direction)
+        np.add.at(change, block.rows, rates)
+    return np.moveaxis(sum_over_ranks(sides[0].comm, change), 0, -1)
+
+
+def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Change of the mean gaps, (..., slave nodes); zero where not covered; see ``change_along``."""
+    return f.per_weight * change_along(f, f.operators.gap_derivative(), on_slave, on_master)
+
+
+def past_partners(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Motions of the nodes past their partners, (motions, nodes, dim) [length] (local).
+
+    Args:
+        f: Fields of the pair.
+        on_slave: Displacements of the slave nodes, shape (motions, nodes, dim) [length].
+        on_master: Displacements of the master nodes, likewise.
+    """
+    partners, both = f.state.partners, zip(on_slave, on_master, strict=True)
+    return np.array([partners.D @ own - partners.M @ other for own, other in both])
+
+
+def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Slip of the nodes along their partners, (motions, nodes) [length] (local).
+
+    In space along two tangents, (motions, nodes, 2); arguments as of ``past_partners``.
+    """
+    return f.along_tangents(past_partners(f, on_slave, on_master))
+
+
+def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Opening along n, against which the pressure does work, (motions, nodes) [length] (local).
+
+    This differs from the rate of the gap where n is not normal to both sides, as at corners.
+    """
+    return -normal_parts(f.operators.n, past_partners(f, on_slave, on_master))
 
 
 def gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
@@ -294,7 +365,7 @@ def updated_set(f: ContactFields, *, start: bool) -> tuple[Flags, Array]:
     Returns:
         The active set, shape (slave nodes,), bool, and multipliers, (slave nodes, dim) [stress].
     """
-    c, o, gap, a, z = f.interface, f.operators, f.covered_gap, f.adhesion[0], f.state.z
+    c, o, gap, a, z = f.interface, f.operators, f.nodal.gap, f.pull.residual, f.state.z
     push = np.where(f.attracted, 0.0, f.z_n + a)
     closes = push > f.state.c_n * c.foundation * gap
     largest = np.abs(o.x).max(initial=0.0)
@@ -340,6 +411,49 @@ def stick_where_turning_back(
         stuck = back & (count > MAX_TURNS_BACK)
         branch, slides = np.where(stuck, STICK, branch), slides & ~stuck
     return branch, (np.where(slides[:, None], f.directions.along, 0.0), count)
+
+
+def adhesion_at_gap(f: ContactFields, gap: Array) -> Array:
+    """Adhesion at gaps (slave nodes,) [length], likewise [stress]."""
+    node = replace(f.nodal, gap=gap)
+    return f.interface.law_calls.row("adhesion_at", node, f.covered).residual
+
+
+def largest_adhesion(f: ContactFields) -> Array:
+    """Largest adhesion at gaps of up to a facet, shape (slave nodes,) [stress].
+
+    Elastic bonds pull as they open. The gap is found to a per cent, if there is one maximum.
+    """
+    sizes = f.interface.slave.nodal_lengths
+    if not f.interface.pair.law.has_adhesion:
+        return 0.0 * sizes
+    gap, largest = 0.0 * sizes, adhesion_at_gap(f, 0.0 * sizes)
+    for ratio in 2.0 ** np.arange(-40.0, 1.0):
+        pull = adhesion_at_gap(f, ratio * sizes)
+        gap, largest = np.where(pull > largest, ratio * sizes, gap), np.maximum(pull, largest)
+    for ratio in 2.0 ** np.outer(0.5 ** np.arange(1.0, 8.0), [1.0, -1.0]).ravel():
+        pull = adhesion_at_gap(f, ratio * gap)
+        gap, largest = np.where(pull > largest, ratio * gap, gap), np.maximum(pull, largest)
+    return largest
+
+
+def strength(f: ContactFields, pressure: float) -> tuple[Array, Array]:
+    """Admissible contact tractions near a pressure p [stress], each (slave nodes,).
+
+    Returns:
+        Slope mu and shear s_0 of the line |z_tau| <= s_0 + mu z_n through the friction limits
+        at p and 2 p, an upper bound of a concave limit outside of [p, 2 p]; mu is inf without a
+        limit.
+    """
+    follows_law, ones = f.interface.follows_law, np.ones(len(f.state.z))
+    at, beyond = (f.friction_limit(factor * pressure * ones) for factor in (1.0, 2.0))
+    unlimited = np.isinf(at + beyond)
+    at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
+    slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
+    shear = np.maximum(at - slope * pressure, 0.0)
+    shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
+    slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
+    return slope, shear
 
 
 # Cosine of the angle between the normal of a slave node with one prescribed component and the free

@@ -67,14 +67,14 @@ from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
-from fenics_mortar.utils.arrays import ROUNDING, norms
+from fenics_mortar.utils.arrays import ROUNDING, TINY, norms
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.interface.space_mortar import SpaceOperators
+    from fenics_mortar.interface.outline import Outline
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -323,9 +323,15 @@ class PlanePartners(Partners):
         """Slip since that state, shape (slave nodes,) [length]."""
         return self.at(o).arc.slip + self.counted
 
-    def rotated(self, o: MortarOperators) -> Array:
-        """Vectors v_j so that d(tau_j) . v_j is the change of slip by dn_j, (n, 2) [length]."""
-        return -_by_normal(o, self.at(o).arc)[:, None] * o.n
+    def by_normal(self, o: MortarOperators) -> Array:
+        """Derivative of the slip by the normal, shape (n, 2) [length].
+
+        On an obstacle n_0 is n turned back with the slave's material, since nodes may pass its
+        surface.
+        """
+        found, on_obstacle = self.at(o).arc, isinstance(o, ObstacleOperators)
+        by_turn = found.by_normal + found.by_start_normal if on_obstacle else found.by_normal
+        return np.asarray(by_turn[:, None] * arcs.quarter_turn(o.n))
 
     def derivative(self, o: MortarOperators, along: Array) -> Iterator[Block]:
         """Blocks of this rank of the derivative of the slip at constant mean gaps, times ``along``.
@@ -334,7 +340,7 @@ class PlanePartners(Partners):
         The other term is ``Arc.by_gap`` times the derivative of the mean gap.
         """
         (now, _, found), factor, own = self.at(o), along[:, None], o.slave.owned
-        turned = o.tangential_derivative(factor * self.rotated(o))[own]
+        turned = o.normal_derivative(factor * self.by_normal(o))[own]
         yield Block(own[:, None], o.normal_columns()[own], turned[:, None])
         yield from self.by_vectors(o, factor * found.by_vector, factor * arcs.quarter_turn(o.n))
         if self.planes is None or not o.linearization.normals:
@@ -362,10 +368,8 @@ class PlanePartners(Partners):
     def derivative_by_motions(self, o: ObstacleOperators) -> Array:
         """Derivative of the slip by obstacle motions at constant gap, (slave nodes, 3) [1]."""
         found = self.at(o).arc
-        tau = arcs.quarter_turn(o.n)
-        turned = np.einsum("jam,ja->jm", o.dn_dq, tau) * _by_normal(o, found)[:, None]
-        by_angle = found.by_rotation / o.arm
-        return turned + np.column_stack([-found.by_vector, by_angle])
+        turned = np.einsum("jam,ja->jm", o.dn_dq, self.by_normal(o))
+        return turned + np.column_stack([-found.by_vector, found.by_rotation / o.arm])
 
     def pairs(self, o: MortarOperators) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them, each (k,).
@@ -463,9 +467,21 @@ class SpacePartners(Partners):
         """These partners without motions that lead bodies; rotations are those of the step."""
         return self if self.led is None else replace(self, led=None)
 
-    def rotation_of_slave(self, o: SpaceOperators) -> Array:
+    def rotation_of_slave(self, o: Any) -> Array:
         """Rotations of the slave's material since that state, led or not, (n, 3, 3) [1] (local)."""
         return self.unled().materials(o)[0].turned(o.x).Q
+
+    def carried_derivative(self, o: Any, carried: Array, along: Array) -> Iterator[Block]:
+        """Blocks of along_j . dv_j, of this rank, for vectors that turn with the slave.
+
+        Args:
+            o: Operators.
+            carried: The vectors v, turned since that state, shape (slave nodes, 3) [any].
+            along: Shape (slave nodes, 3) [any].
+        """
+        if self.planes is not None and o.linearization.normals:
+            material = self.unled().materials(o)[0]
+            yield material.rows(material.turned(o.x).by_products(np.cross(carried, along)))
 
     def turns_past(self, o: ObstacleOperators) -> Array:
         """``turn`` at each node, of led ones since the motions, (slave nodes, 3) [radian]."""
@@ -482,15 +498,6 @@ def rows_of(new: Flags, rows: csr_array, led: csr_array) -> csr_array:
     """A matrix with the rows of ``led`` at ``new`` (n,), bool, and of ``rows`` elsewhere."""
     chosen = np.where(new, len(new), 0) + np.arange(len(new))
     return csr_array(vstack([rows, led], format="csr")[chosen])
-
-
-def _by_normal(o: MortarOperators, found: arcs.Arc) -> Array:
-    """Derivative of the slip with respect to a rotation of n, (slave nodes,) [length].
-
-    On an obstacle n_0 is n turned back with the slave's material, since nodes may pass its surface.
-    """
-    on_obstacle = isinstance(o, ObstacleOperators)
-    return found.by_normal + found.by_start_normal if on_obstacle else found.by_normal
 
 
 def rotation_derivative(o: MortarOperators, normals: tuple[Array, Array], weights: Array) -> Block:
@@ -559,3 +566,95 @@ def weights_of_partners(o: MortarOperators, per_weight: Array) -> tuple[csr_arra
     at = np.repeat(j, nodes.shape[1]), nodes.ravel()
     D = csr_array(D + coo_array((np.ones(j.size), (j, j)), shape=D.shape))
     return D, csr_array(M + coo_array((weights.ravel(), at), shape=M.shape))
+
+
+def lead_by_solution(
+    contact: Any, outline: Outline, carried: arcs.Carried, bodies: Indices
+) -> float:
+    """As ``lead``, by the motions of bodies to the present state (collective).
+
+    Args:
+        contact: See ``lead``, as the next three.
+        outline: Outlines of the bodies.
+        carried: Nodes after the motions.
+        bodies: Their bodies.
+
+    Returns:
+        Largest change of the slip of active nodes, over their way by turns [1].
+    """
+    before, kept = contact.slip, contact.partners
+    way = lead(contact, contact.accepted_partners, outline, carried, bodies)
+    counts = contact.active & (contact.partners.pressure == 0.0)
+    if contact.partners is kept or not counts.any():
+        return 0.0
+    change = (contact.slip - before)[counts].reshape(int(counts.sum()), -1)
+    return float(norms(change).max()) / max(float(way[counts].max()), TINY)
+
+
+def lead(
+    contact: Any, partners: Partners, outline: Outline, carried: arcs.Carried,
+    bodies: Indices | None = None,
+) -> Array:  # fmt: skip
+    """Count slip of nodes without force from where motions carry them, see ``arcs``.
+
+    Collective. Bonds across gaps keep the points between which they are.
+
+    Args:
+        contact: The contact, evaluated at the present state.
+        partners: Partners at the start of the step.
+        outline: Outlines of the bodies of all pairs.
+        carried: Their nodes after the motions.
+        bodies: Bodies of these nodes, for motions to the present state.
+
+    Returns:
+        Ways of nodes by turns, shape (slave nodes,) [length].
+    """
+    new = (partners.pressure == 0.0) & (not contact.pair.law.bridges_gap)
+    at = [outline.indices_of(side.nodes) for side in (contact.slave, contact.master)]
+    slave, master = (arcs.Carried(*(values[i] for values in carried)) for i in at)
+    turns = np.concatenate([slave.turn, master.turn])
+    if not new.any() or not turns.any() or np.isnan(turns).any():
+        return np.zeros(len(new))  # from a start that one side has left only, slip is wrong
+    o = contact.evaluation.at_outline(outline, carried.x, contact.state)
+    there = find_partners(type(contact.now)(contact, contact.state, o))
+    place = np.zeros(0) if contact.obstacle is None else contact.obstacle.place.copy()
+    if contact.obstacle is None:
+        master = arcs.Carried(*(there.M @ values for values in master))
+    else:
+        master = arcs.carried_by(contact.obstacle, partners.place, there.feet)
+    way = arcs.way_of(slave, master)
+    if bodies is not None:
+        faced = [np.rint(each.M @ (bodies[at[1]] + 1)) for each in (partners, there)]
+        of_pairs = _place_of(contact, partners, bodies[at[0]] + 1, *faced)
+        told = np.isfinite(of_pairs.start[:, 0])
+        way[told] = arcs.way_past(of_pairs, slave, master)[told]
+        led = contact.partners.led
+        new &= told if led is None else told | led.new
+        new &= bodies[at[0]] + 1 != faced[1]
+    at_new = (np.where(new[:, None], values, 0.0) for values in (slave.turn - master.turn, way))
+    led = arcs.Led(new, slave.x, o.m, place, contact.turns(), *at_new)
+    contact.change(partners=partners.led_by(there, led))
+    sides = (norms(side.turn) * norms(side.x - side.end) for side in (slave, master))
+    return np.add(*sides)
+
+
+def _place_of(
+    contact: Any, partners: Partners, own: Indices, before: Array, after: Array
+) -> arcs.Place:
+    """Motion of the place of contact of each two bodies, to the present state (local).
+
+    Args:
+        contact: The contact, evaluated at the present state.
+        partners: Partners at the start of the step.
+        own: Bodies of slave nodes, numbers from 1 on, shape (slave nodes,).
+        before: Those that they faced at the start, 0 for an obstacle.
+        after: Those that they came into contact with.
+    """
+    x, count = (partners.x, contact.operators.x), 1 + own.max(initial=0)
+    loads = partners.pressure, np.where(contact.active, contact.now.z_n, 0.0)
+    ends = [
+        arcs.Touching(at, evaluate_normals(contact.slave, at, "opposite")[0],
+                 contact.slave.nodal_areas * np.maximum(load, 0.0), own + count * other)
+        for at, load, other in zip(x, loads, (before, after), strict=True)
+    ]  # fmt: skip
+    return arcs.place_between(*ends)

@@ -48,7 +48,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array, eye
+from scipy.sparse import csc_array, csr_array, diags, eye
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.contact import Contact
@@ -69,7 +69,7 @@ from fenics_mortar.contact.tied_rows import (
     TiedRows,
     tied_operators,
 )
-from fenics_mortar.interface.integrals import MortarOptions, evaluate_normals
+from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.utils.arrays import HALF_FACET, LAST_DIGITS, ROUNDING, SAME_PLACE, SUM_ROUNDING
 from fenics_mortar.utils.errors import SurfaceError, format_point
@@ -118,12 +118,10 @@ class Tie(Interface):
         self._yielded = np.zeros(self.slave.num_nodes, bool)
         self.open_ends = np.zeros(self.slave.num_nodes, bool)
         longest = max(float(side.facet_sizes.max()) for side in (self.slave, self.master))
-        choice = pair.discretization
         points = points_per_segment(pair, self.slave, self.master)
-        self.options = MortarOptions(
-            self.basis, "opposite", "basis", choice.integration, points,
-            pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
-        )  # fmt: skip
+        radius = pair.search_radius or HALF_FACET * longest
+        options = pair.discretization.options(self.basis, points, radius)
+        self.options = replace(options, gap_weights="basis", corners=False)
         dim = self.slave.dim
         self.change(z=np.zeros((self.slave.num_nodes, dim + len(pair.fields))))
         sides = [(side, side.dofs) for side in (self.slave, self.master)]
@@ -267,14 +265,10 @@ class Tie(Interface):
 
         Where multipliers are at corners alone, these take the other nodes of their facets along.
         """
-        count = self.slave.num_nodes
+        own = eye(self.slave.num_nodes)
         if not (self.slave.dim == 3 and self.at_vertices):
-            return csr_array(eye(count))
-        inner, corners, weights = self.slave.between_corners
-        first = np.unique(inner, return_index=True)[1]
-        at = np.repeat(inner[first], corners.shape[1]), corners[first].ravel()
-        along = coo_array((weights[first].ravel(), at), shape=(count, count))
-        return csr_array(eye(count) + along)
+            return csr_array(own)
+        return csr_array(self.slave.from_corners + diags(self.slave.inner.astype(float)))
 
     def update_reference(self, space: DisplacementSpace) -> None:
         """Update the reference positions from the mesh (collective)."""
@@ -313,9 +307,9 @@ def drop_crosspoints(ties: Sequence[Tie]) -> None:
         follows.update({int(tie.slave.nodes[j]): tie.masters_of(j) for j in mine})
     candidates: list[tuple[int, int, int]] = []  # by cover in whole units of rounding
     for i, tie in enumerate(ties):
-        cover = np.round(tie.operators.cover / tie.slave.full_cover / SAME_PLACE).astype(np.int64)
         mine = np.flatnonzero(shared[i] & tie.components.some_carry)
-        candidates += [(-int(cover[j]), i, int(j)) for j in mine]
+        cover = np.round(tie.operators.cover[mine] / tie.slave.full_cover[mine] / SAME_PLACE)
+        candidates += [(-int(c), i, int(j)) for c, j in zip(cover, mine, strict=True)]
     for _, i, j in sorted(candidates):
         node, masters = int(ties[i].slave.nodes[j]), ties[i].masters_of(j)
         if node not in follows and not _depends(follows, masters, node):

@@ -43,7 +43,7 @@ from fenics_mortar.interface.integrals import MortarInput, PlaneOperators, evalu
 from fenics_mortar.interface.mortar import Block, Linearization
 from fenics_mortar.interface.space_mortar import SpaceOperators, evaluate_space
 from fenics_mortar.interface.surfaces import MIN_SHARE
-from fenics_mortar.interface.traces import Trace, trace_of
+from fenics_mortar.interface.traces import FieldTraces
 from fenics_mortar.utils.errors import SurfaceError
 
 if TYPE_CHECKING:
@@ -205,8 +205,9 @@ class TiedComponents(Components):
     def set_units(self, units: Array, to_force: Array, diagonal: Array) -> None:
         """Set the scales of all unknowns, see ``bulk.residual`` (collective)."""
         for c, flux in enumerate(self._interface.fluxes, self._interface.slave.dim):
-            self.units[flux.at, c] = flux.traces[0].gather(units)
-            self.to_force[flux.at, c] = flux.traces[0].gather(to_force)
+            E = flux.interpolations[0]
+            self.units[flux.at, c] = E @ flux.gathered(units)
+            self.to_force[flux.at, c] = E @ flux.gathered(to_force)
 
     @property
     def row_weight(self) -> Array:
@@ -317,7 +318,7 @@ class TiedPart:
         return [side.gather(u) for side, _ in self.sides]
 
 
-class TiedField(TiedPart):
+class TiedField(TiedPart, FieldTraces):
     """A scalar field tied by a pair; to the linear system a flux, as ``fluxes.Flux``.
 
     Args:
@@ -330,7 +331,6 @@ class TiedField(TiedPart):
     Attributes:
         field: Number of the sub-space of the field.
         traces: Traces of the field on slave and master; their surfaces have n and m nodes.
-        dofs: All dofs of the traces, shape (d,), replicated.
 
     Raises:
         ValueError: On all ranks, if the space has no such field.
@@ -341,14 +341,13 @@ class TiedField(TiedPart):
     ) -> None:
         self.field, self._component = field, component
         sides, at = (tie.slave, tie.master), np.arange(tie.slave.num_nodes)
-        self.traces: list[Trace] = [trace_of(space, field, side) for side in sides]
+        FieldTraces.__init__(self, space, field, sides)
         if self.traces[0].dofs.shape[1] > 1:
             (slave, at), (master, _) = map(surface_of_vertices, sides)
-            self.traces = [trace_of(space, field, side) for side in (slave, master)]
-        self.dofs: Indices = np.unique(np.concatenate([t.dofs.ravel() for t in self.traces]))
+            FieldTraces.__init__(self, space, field, (slave, master))
         on_sides = [(trace.surface, trace.dofs[:, :1]) for trace in self.traces]
-        free = self.traces[0].gather(prescribed.astype(float)) == 0.0
-        super().__init__(tie, np.array([component]), on_sides, at, free)
+        free = self.interpolations[0] @ self.gathered(prescribed) == 0.0
+        TiedPart.__init__(self, tie, np.array([component]), on_sides, at, free)
 
     def integrate(self, dropped: Flags) -> None:
         """See ``TiedPart`` (collective).
@@ -366,7 +365,8 @@ class TiedField(TiedPart):
 
     def gather(self, u: Array) -> list[Array]:
         """See ``TiedPart`` [field]."""
-        return [trace.gather(u)[:, None] for trace in self.traces]
+        values = self.gathered(u)[:, None]
+        return [E @ values for E in self.interpolations]
 
     @property
     def flux(self) -> Array:
@@ -388,8 +388,7 @@ class TiedField(TiedPart):
         jump[on] = self._tie.now.jumps[on, self._component] / weight
         flux[on], tied[on] = self.flux[self.active], 1.0
         if self._tie.at_vertices or self.at.size < self._tie.slave.num_nodes:
-            inner, corners, weights = self._tie.slave.between_corners
-            nodal[:, inner] = (nodal[:, corners] * weights).sum(axis=2)
+            nodal[:] = nodal @ self._tie.slave.from_corners.T
         conductance = np.where(tied > 0.0, np.inf, 0.0)
         total = float(self.operators.weight @ self.flux)
         return NodalFlux(jump, conductance, flux, np.zeros_like(flux), -total, total)
@@ -398,8 +397,8 @@ class TiedField(TiedPart):
 
     def add_loads(self, target: Array) -> None:
         """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
-        for trace, loads in zip(self.traces, self.loads(), strict=True):
-            trace.scatter_add(loads, target)
+        sides = zip(self.interpolations, self.loads(), strict=True)
+        self.add(sum(E.T @ loads for E, loads in sides), target)
 
     @property
     def conducts(self) -> Flags:

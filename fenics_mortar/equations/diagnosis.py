@@ -4,8 +4,6 @@
 Among them: bodies on which nothing determines the level of a scalar field, such as a temperature.
 
 Active sets and residuals of the iterations of a solve; remedies for cycles and loose bodies.
-
-Bodies and driven obstacles that do not come to rest get anchored springs, see ``proximal``.
 """
 
 from __future__ import annotations
@@ -31,8 +29,8 @@ from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.newton.loop import UNSETTLED, decreased
-from fenics_mortar.rigid.body_motions import pairs_joined
-from fenics_mortar.rigid.proximal import RIGID, Remaining
+from fenics_mortar.rigid.body_motions import names_of, pairs_joined
+from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags, Indices
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
@@ -42,7 +40,6 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.rigid.floating import FloatingBodies
-    from fenics_mortar.rigid.proximal import Carried
     from fenics_mortar.utils.arrays import Array, Indices
 
 # Active set and branches of each pair in one iteration.
@@ -108,7 +105,7 @@ class Remedies:
         slight = self.residuals[-1] <= RIGID.slight * self._residual.force  # not nan
         if self._floating.anchored or not slight:
             return ""
-        names = self._floating.names(self._floating.loose() or self._floating.bodies)
+        names = names_of(self._floating.loose() or self._floating.bodies)
         return f"the remaining force is slight and moves {names}" if names else ""
 
     def merge_sets(self, period: int) -> str:
@@ -146,63 +143,6 @@ class Remedies:
             f"the active set does not converge (last {period} iterations); all nodes active in "
             f"them remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
         ) + "; that of the linearized problem is used" * taken
-
-
-def _reason(held: Sequence[Carried]) -> str:
-    """Why springs carry forces."""
-    sliding = [each.name for each in held if each.slides]
-    if sliding:
-        return (
-            f"all nodes with friction of {', '.join(sliding)} slide at their friction limit, which "
-            "the loads exceed; reduce these, or prescribe the motion"
-        )
-    return (
-        "this may be no equilibrium: either loads drive the motion slightly, or the corners of the "
-        "facets do, along whose averaged normals forces act; add a support, prescribe the motion, "
-        "refine, or take the smoother side of a pair as slave"
-    )
-
-
-class CombinedSprings:
-    """Anchored springs of a problem; all methods are collective.
-
-    Args:
-        equations: The ``ContactEquations``.
-    """
-
-    def __init__(self, equations: Any) -> None:
-        self._equations = equations
-        self._holders = equations.floating, equations.motions
-
-    def anchor(self, elongation: float, share: float = 1.0) -> None:
-        """Anchor floating bodies and driven obstacles at their present positions.
-
-        The forces that drive a body now, or a ``share`` of the error of its contact forces, would
-        elongate its springs by ``elongation`` shortest facets.
-        """
-        bodies, obstacles = self._holders
-        bulk, contact, _ = self._equations.residual.forces()
-        bodies.anchor(bulk + contact - obstacles.pushed_nodes(), elongation, share)
-        obstacles.anchor(elongation, self._equations.stiffest, share)
-
-    def remove_springs(self) -> None:
-        """Remove the springs."""
-        for holder in self._holders:
-            holder.springs = None
-
-    def max_motion(self) -> float:
-        """Largest rigid motion since ``anchor`` [shortest facets]."""
-        return max(holder.max_motion() for holder in self._holders)
-
-    def remaining(self) -> Remaining:
-        """Forces of the springs over contact forces."""
-        carried = [each for holder in self._holders for each in holder.carried_by_springs()]
-        held = [each for each in carried if each.fraction > RIGID.slight]
-        return Remaining(
-            max((each.fraction for each in carried), default=0.0),
-            max((each.fraction for each in carried if each.slides), default=0.0),
-            f"{', '.join(map(str, held))}: {_reason(held)}" if held else "",
-        )
 
 
 def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: FloatingBodies) -> str:
@@ -346,8 +286,12 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
     first = describe_inverted(bulk)
     at_nodes = "" if first else bulk.describe_inverted_nodes()
     if not first:
-        driven = equations.motions.describe(equations.residual.force)
-        first = ", ".join(filter(None, (floating.describe(floating.loose()), driven)))
+        loose = [
+            f"{body.name} can {body.describe(motion)}"
+            for body in floating.loose()
+            for motion in np.eye(len(body.motions))
+        ]
+        first = ", ".join(loose + equations.motions.describe(equations.residual.force))
         first = first or _describe_limits(contacts) or _describe_twice(contacts)
         first = first or _describe_slivers(contacts) or _describe_wavering(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
@@ -383,10 +327,9 @@ def _describe_twice(contacts: Sequence[Interface]) -> str:
         cosine = (one.operators.n[i] * other.operators.n[j]).sum(axis=1)
         parallel = one.active[i] & other.active[j] & (cosine > np.cos(SMALL_ANGLE))
         if parallel.any():
-            where = one.operators.x[i[np.argmax(parallel)]]
             return (
                 f"{parallel.sum()} nodes of '{one.slave.name}' are pressed along the same normal "
-                f"by '{one.master.name}' and '{other.master.name}', one at {format_point(where)}, "
+                f"by '{one.master.name}' and '{other.master.name}', {_one_of(one, i[parallel])}, "
                 "so that their pressures are not unique; leave out one of these pairs there"
             )
     return ""
@@ -399,10 +342,10 @@ def _describe_slivers(contacts: Sequence[Interface]) -> str:
             continue
         cover = contact.operators.cover / contact.slave.full_cover
         if contact.active.any() and (cover[contact.active] < MIN_SHARE).all():
-            where = contact.operators.x[np.flatnonzero(contact.active)[0]]
+            where = _one_of(contact, np.flatnonzero(contact.active))
             return (
                 f"{contact.active.sum()} nodes of '{contact.slave.name}' touch on less than "
-                f"{MIN_SHARE:.0%} of their facets, one at {format_point(where)}, as where corners "
+                f"{MIN_SHARE:.0%} of their facets, {where}, as where corners "
                 "or edges with parallel sides stand on each other: this part vanishes as the gap "
                 "closes, and no pressure on it may balance the loads; move one side along, round "
                 "its edge, or refine both sides there"
@@ -415,22 +358,22 @@ def _describe_wavering(contacts: Sequence[Interface], recent: Sequence[SetsOfPai
     for i, contact in enumerate(contacts):
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        wavers = wavers[np.lexsort(contact.slave.X[wavers].T)]  # numbers depend on the ranks
         if not isinstance(contact, Contact) or not wavers.size:
             continue
         nodes, count = f"{wavers.size} nodes of '{contact.slave.name}'", len(active)
-        where = format_point(contact.operators.x[wavers[0]])
-        bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))[wavers[0]]
-        if 0.0 < bound < np.inf:
+        bounds = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))[wavers]
+        peeled = wavers[(bounds > 0.0) & (bounds < np.inf)]
+        where = _one_of(contact, peeled if peeled.size else wavers)
+        if peeled.size:
             return (
-                f"{nodes} close and open repeatedly, one at {where}: {contact.pair.law!r} admits "
-                "shear without pressure, which may peel them off each time they close; take "
-                "smaller steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the "
-                "pressure"
+                f"{nodes} close and open repeatedly, {where}: "
+                f"{contact.pair.law!r} admits shear without pressure, which may peel them off each "
+                "time they close; take smaller steps, or Coulomb(mu, max_shear=...), whose limit "
+                "vanishes with the pressure"
             )
         if not any((active[: count - k] == active[k:]).all() for k in range(2, count)):
             continue
-        jumping = [flux.law for flux in contact.conductances if flux.jumps]
+        jumping = [flux.law for flux in contact.conductances if flux.law.jumps]
         if jumping:
             why = (
                 f"where {jumping[-1]!r} jumps at closing, bodies that shrink by what flows open "
@@ -444,5 +387,11 @@ def _describe_wavering(contacts: Sequence[Interface], recent: Sequence[SetsOfPai
                 f"a tip or an edge; refine '{contact.slave.name}' there{exchange}"
                 f"{or_other_weights(contact)}"
             )
-        return f"{nodes} open and close in turn, one at {where}: {why}"
+        return f"{nodes} open and close in turn, {where}: {why}"
     return ""
+
+
+def _one_of(contact: Contact, nodes: Indices) -> str:
+    """Where the first of slave ``nodes`` (k,) by place is; numbers depend on the ranks (local)."""
+    first = nodes[np.lexsort(contact.slave.X[nodes].T)[0]]
+    return f"one at {format_point(contact.operators.x[first])}"

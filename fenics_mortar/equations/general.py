@@ -29,7 +29,7 @@ import numpy as np
 
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.equations.diagnosis import CombinedSprings, Remedies, check_diagonal, diagnose
+from fenics_mortar.equations.diagnosis import Remedies, check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact, Redundancy
 from fenics_mortar.equations.residual import NO_MOTION, Increment, Residual
 from fenics_mortar.la.options import drop_added_options
@@ -38,6 +38,7 @@ from fenics_mortar.obstacles.rigid_motion import places_towards
 from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.idle import IdleBodies
+from fenics_mortar.rigid.proximal import AnchoredSprings
 from fenics_mortar.utils.arrays import TINY, Array, Value, norms
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import (
@@ -51,7 +52,6 @@ from fenics_mortar.utils.errors import (
 from fenics_mortar.verify.crossing import Crossings, SpaceCrossings
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.bodies import FloatingBody
     from fenics_mortar.bulk.history import HistoryValues
     from fenics_mortar.bulk.inertia import Inertia, Rates
     from fenics_mortar.bulk.residual import Bulk
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.rigid.body_motions import BoundBody
     from fenics_mortar.verify.node_paths import AcceptedPositions
 
 
@@ -168,7 +169,8 @@ class ContactEquations:
         self.motions = DrivenMotions(bulk, contacts, remote)
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
-        self.floating = FloatingBodies(bulk, contacts, self.motions.remote)
+        self.floating = FloatingBodies(bulk, contacts, self.motions)
+        self.springs = AnchoredSprings(self)
         self.idle = IdleBodies(self.floating)
         self._set_stiffness()
         self.floating.find()
@@ -177,12 +179,11 @@ class ContactEquations:
         self.last_converged = self.interrupted = False
         self.evaluated: tuple[State, Status] | None = None
         self.residual = Residual(self)
-        self.springs = CombinedSprings(self)
         self.remedies = Remedies(self, self._adopt_linearized_sets)
         self._shortest_facet = min(
             (float(c.slave.facet_sizes.min()) for c in contacts), default=0.0
         )
-        self._loose: list[FloatingBody] = []
+        self._loose: list[BoundBody] = []
         self.model_check: Any = None
         self.reduced_tangent: Callable[[], Any] = lambda: None
 
@@ -318,7 +319,7 @@ class ContactEquations:
         if self.floating.bodies:
             self._loose = self.floating.loose()
             self.floating.add_springs(self._loose, self.residual.driving(), self.residual.force)
-        for load in self.motions.remote:
+        for load in self.motions.boundaries:
             load.take_bulk_rows()
         self.system.assemble()
         raise_stored(self.comm, self.contacts)
@@ -335,9 +336,9 @@ class ContactEquations:
             for flux in contact.conductances:
                 # Loads of its rows exceed the residual by many orders; or flows that exceed forces
                 # by many change with the active set, which follows from displacements.
-                if flux.exceeds or flux.jumps:
+                if flux.exceeds or flux.law.jumps:
                     solver.forcing = 0.0
-        is_bordered = self.motions.exist and self.motions.are_unknown
+        is_bordered = self.motions.exist and bool(self.motions.unknowns.any())
         solver.same_step = not (len(residuals) == 1 or is_bordered)
         x, motion = self.system.step(residual.distance), NO_MOTION
         if is_bordered:
@@ -521,7 +522,7 @@ class Snapshot:
     def __init__(self, equations: ContactEquations) -> None:
         self._equations, self.state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
-        self._springs = equations.floating.springs, equations.motions.springs
+        self._springs = equations.springs.present
         model_check = equations.model_check
         self._revert_model_check = None if model_check is None else model_check.snapshot()
 
@@ -533,7 +534,7 @@ class Snapshot:
         equations.put(self.state)
         for contact, operators in zip(equations.contacts, self._operators, strict=True):
             contact.set_operators(operators)
-        equations.floating.springs, equations.motions.springs = self._springs
+        equations.springs.present = self._springs
         if self._revert_model_check is not None:
             self._revert_model_check()
         equations.interrupted |= renew

@@ -135,11 +135,11 @@ class Inputs:
         bulk, contacts, motions = equations.bulk, equations.contacts, equations.motions
         self._bulk, self._contacts, self._outline = bulk, contacts, equations.crossings.outline
         self._as_bound = [_options(contact.pair) for contact in contacts]
-        self._movers = [*motions.movers, *(load.motion for load in motions.spread)]
-        of_boundaries = [load for load in motions.remote if load in bulk.bcs]
+        self._movers = [mover.motion for mover in motions.movers]
+        self._movers += [load.motion for load in motions.spread]
         self._boundaries: list[tuple[Any, Any]] = [
             (load, mark_prescribed(bulk.space, bulk.u, [bc for bc in bulk.bcs if bc is not load]))
-            for load in of_boundaries
+            for load in motions.boundaries
         ]
         self._remember()
         self._conflicts = Conflicts(bulk)

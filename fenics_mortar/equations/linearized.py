@@ -46,8 +46,8 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.law_calls import raise_stored
+from fenics_mortar.la.sparse import solve_bordered
 from fenics_mortar.rigid.driven import border_of
-from fenics_mortar.rigid.spread import solve_bordered
 from fenics_mortar.utils.errors import check_kind, check_same, together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -144,7 +144,7 @@ class LinearizedEquations:
         self._shape, self._driven = motions.scales.shape, motions.unknowns
         if tangent is None:
             bulk.assemble_tangent()
-            for load in motions.remote:
+            for load in motions.boundaries:
                 load.take_bulk_rows()
         with self._softened():
             self._tangent.assemble()

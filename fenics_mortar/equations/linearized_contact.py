@@ -57,6 +57,7 @@ from fenics_mortar.bulk.bodies import products
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.law import STICK, Coulomb, Frictionless
+from fenics_mortar.contact.rows import strength
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.la.solver import column_groups, factored_bulk
 from fenics_mortar.la.sparse import BlockMatrix
@@ -87,13 +88,13 @@ def displacements(bulk: Bulk, floating: FloatingBodies, forces: Array) -> Array:
     springs = np.zeros(bulk.num_owned)
     motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
     for body in floating.bodies:
-        dofs, rates = floating.motions(body)
+        rates = body.nodal_motions()
         each = EQUATIONS.spring * body.stiffest / body.num_nodes
         weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
-        springs[dofs] = each
+        springs[body.dofs] = each
         rigid = np.zeros((len(rates), bulk.num_owned))
-        rigid[:, dofs.ravel()] = rates
-        motions.append(np.linalg.solve(floating.factor(body, rigid), rigid))
+        rigid[:, body.dofs.ravel()] = rates
+        motions.append(np.linalg.solve(body.factor(rates), rigid))
         added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
     bulk.add_to_diagonal(springs)
     factors = factored_bulk(bulk, PREFIX).getFactorMatrix()
@@ -153,7 +154,7 @@ class LinearizedContact:
             isinstance(law, Coulomb | Frictionless)
             and not (law.has_adhesion or law.has_closing_gap)
             for law in laws
-        ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
+        ) and not any(strength(contact.now, pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None], *, snap: bool = False) -> bool:
         """Solve the linearized problem; adopt its active sets, branches and multipliers.
@@ -214,7 +215,7 @@ class LinearizedContact:
         for contact, j in zip(self._contacts, nodes, strict=True):
             last, o = contact.partners, contact.operators
             multipliers = (
-                np.stack([last.pressure, last.shear])[:, j] / self._system.scale(contact)[j, 0]
+                np.stack([last.pressure, last.shear])[:, j] / contact.components.scale[j, 0]
             )
             gap = (
                 np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
@@ -237,7 +238,7 @@ class LinearizedContact:
             branches = contact.branch
             all_active[j] = True
             force = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
-            z[j] = self._system.scale(contact)[j] * force
+            z[j] = contact.components.scale[j] * force
             if contact.pair.law.has_friction:
                 branches = branches.copy()
                 branches[j] = branch[active]
@@ -251,7 +252,7 @@ class LinearizedContact:
         parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
             row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
-            shear = (contact.partners.shear / self._system.scale(contact)[:, 0])[j]
+            shear = (contact.partners.shear / contact.components.scale[:, 0])[j]
             parts.append(np.stack([row, shear]) * contact.redundant[j])
         elastic, shear = np.concatenate(parts, axis=1)
         elastic = elastic / self._stiffest
@@ -290,7 +291,7 @@ class LinearizedContact:
         slopes, rows = [], []
         pressure = self._typical_pressure()
         for contact, j in zip(self._contacts, nodes, strict=True):
-            slopes.append(contact.now.strength(pressure)[0][j])
+            slopes.append(strength(contact.now, pressure)[0][j])
             rows.append(_slip_weight(contact, j))
         # Weights of the rows of slip that make the compliance symmetric.
         weight = np.concatenate([np.ones(len(E) // 2), *rows])
@@ -346,9 +347,9 @@ class LinearizedContact:
             if contact.obstacle is None:
                 continue
             number = motions.obstacles.index(contact.obstacle)
-            _, M_q, _ = contact.on_obstacle.motion_force_derivatives(contact.z)
+            _, M_q, _ = contact.operators.motion_force_derivatives(contact.z)
             by_motion[number][:, columns] = np.moveaxis(contact.rows.by_motions(), 2, 0)
-            by_pressure[number][:, columns] = M_q * system.scale(contact)
+            by_pressure[number][:, columns] = M_q * contact.components.scale
         by_motion = by_motion[driven][:, used] / (RIGID.weakest_spring * self._stiffest)
         V -= by_motion.T @ by_pressure[driven][:, used]
         balance = motions.obstacle_forces() - motions.residual()[: len(driven)]

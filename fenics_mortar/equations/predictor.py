@@ -76,13 +76,12 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.loop import NewtonReport, then_solve
-from fenics_mortar.obstacles.rigid_motion import TURNS, rotation_by
+from fenics_mortar.obstacles.rigid_motion import TURNS
 from fenics_mortar.rigid.body_motions import by_body
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import NotConvergedError, as_text
 from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
-from fenics_mortar.verify.node_paths import STRETCHED, turn_of
+from fenics_mortar.verify.node_paths import STRETCHED, RigidPath, path_of
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.bodies import FloatingBody
@@ -395,29 +394,24 @@ TURNED = 0.1
 # Difference of motions over their size [1] up to which a body rides on another one.
 FOLLOWS = 1e-3
 
-# Rigid motion: a point, its position after the motion [length], and the rotation (d, d) [1].
-Motion = tuple[Array, Array, Array]
 
-
-def turns_of_prescribed(e: ContactEquations) -> dict[int, Motion]:
+def turns_of_prescribed(e: ContactEquations) -> dict[int, RigidPath]:
     """Rigid motions of prescribed nodes to their values, of the bodies that turn (collective)."""
     bulk, dofs = e.bulk, e.bulk.space.owned_dofs
-    values = bulk.values.copy()
-    compat.set_prescribed(values, bulk.bcs)
+    values = bulk.values_as_prescribed()
     led = np.flatnonzero(bulk.prescribed[dofs].all(axis=1))
     x, change = bulk.positions()[led], (values - bulk.values)[dofs[led]]
     parts = e.comm.allgather((e.floating.labels[led], x, x + change))
     bodies, x0, x1 = (np.concatenate(column) for column in zip(*parts, strict=True))
     found = {}
     for body in np.unique(bodies).tolist():
-        start, end = x0[bodies == body], x1[bodies == body]
-        turn = turn_of(start, end, STRETCHED)
-        if np.linalg.norm(turn) > TURNED:
-            found[body] = start.mean(axis=0), end.mean(axis=0), rotation_by(turn)
+        motion = path_of(x0[bodies == body], x1[bodies == body], STRETCHED)
+        if abs(motion.angle) > TURNED:
+            found[body] = motion
     return found
 
 
-def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int, Motion]:
+def with_followers(e: ContactEquations, motions: dict[int, RigidPath]) -> dict[int, RigidPath]:
     """Rigid motions, and those of bodies that contact carries along if these turn (collective).
 
     Without slip at nodes that touch at the accepted state, as far as possible by the size of their
@@ -443,7 +437,7 @@ def with_followers(e: ContactEquations, motions: dict[int, Motion]) -> dict[int,
         motion = _as_followed(e, body, own @ body.motions, led)
         if motion is not None:
             found[body.label] = motion
-            e.floating.held.move(body, own)
+            body.move_loads(own)
     return found
 
 
@@ -468,7 +462,7 @@ def _at_contact(e: ContactEquations, contact: Contact, led: Carried) -> tuple[Ar
     for side, x in sides:
         nodes, parts = e.crossings.outline.indices_of(side.nodes), e.floating.parts_of(side)
         moved = [Carried(*(values[nodes] for values in led))._replace(x=x).velocity()[None]]
-        moved += [e.floating.displacement(body, x, parts) for body in bodies]
+        moved += [body.displacement(x, parts) for body in bodies]
         past.append(np.concatenate(moved))
     facing = partners.M[at]
     rows = np.array([slave[at] - facing @ other for slave, other in zip(*past, strict=True)])
@@ -483,7 +477,7 @@ def _at_contact(e: ContactEquations, contact: Contact, led: Carried) -> tuple[Ar
 
 def _as_followed(
     e: ContactEquations, body: FloatingBody, rates: Array, led: Carried
-) -> Motion | None:
+) -> RigidPath | None:
     """Rigid motion of a floating body by its rates; ``None`` if it does not turn (local)."""
     dim = len(body.centre)
     shift, turn = np.split(rates[: dim + len(TURNS[dim])], [dim])
@@ -496,11 +490,11 @@ def _as_followed(
     apart = norms(here.velocity() - own) + body.size * norms(led.turn - turn)
     nearest = int(apart.argmin())
     if apart[nearest] <= FOLLOWS * body.size * float(np.linalg.norm(turn)):
-        return led.start[nearest], led.end[nearest], rotation_by(turn)
-    return start, start + own, rotation_by(turn)
+        return RigidPath(led.start[nearest], led.end[nearest], turn)
+    return RigidPath(start, start + own, turn)
 
 
-def turn(e: ContactEquations, motions: dict[int, Motion], *, followed: bool) -> None:
+def turn(e: ContactEquations, motions: dict[int, RigidPath], *, followed: bool) -> None:
     """Move bodies along with their prescribed nodes (collective).
 
     Multipliers of slave nodes turn with their bodies; slip is counted from the accepted state.
@@ -512,16 +506,15 @@ def turn(e: ContactEquations, motions: dict[int, Motion], *, followed: bool) -> 
             vanish where contact has moved on: where gaps exceed what the pressure compresses.
     """
     bulk, dofs, x = e.bulk, e.bulk.space.dofs, e.bulk.positions()
-    values = bulk.values.copy()
-    compat.set_prescribed(values, bulk.bcs)
-    for body, (start, end, R) in motions.items():
+    values = bulk.values_as_prescribed()
+    for body, motion in motions.items():
         mine = e.floating.labels == body
-        at, moved = dofs[mine], end + (x[mine] - start) @ R.T - x[mine]
+        at, moved = dofs[mine], motion.carry(x[mine], 1.0) - x[mine]
         bulk.values[at] = np.where(bulk.prescribed[at], values[at], bulk.values[at] + moved)
     for contact in e.contacts:
         z, bodies = contact.z.copy(), e.floating.labels_of(contact.slave)
-        for body, (_, _, R) in motions.items():
-            z[bodies == body] = z[bodies == body] @ R.T
+        for body, motion in motions.items():
+            z[bodies == body] = motion.turned(z[bodies == body], 1.0)
         contact.change(z=z)
     if followed:
         return

@@ -49,6 +49,7 @@ from petsc4py import PETSc
 
 import numpy as np
 from scipy.sparse import coo_array
+from scipy.sparse.linalg import splu
 
 from fenics_mortar.bulk.bodies import find_floating_bodies, products
 from fenics_mortar.contact.tied import Tie
@@ -57,6 +58,7 @@ from fenics_mortar.la.compliance import Compliance, ContactDofs
 from fenics_mortar.la.options import COMPLIANCE, costs_of
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten, is_symmetric
+from fenics_mortar.rigid.body_motions import names_of
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
@@ -131,25 +133,20 @@ def solve_dense(
     return d - force[t] @ A_t, force, z
 
 
-def solve_alone(A_z: coo_array, alone: Sequence[Indices], rhs: Array) -> Array:
-    """Solve the blocks of nodes with uncoupled multipliers, (n,); zero elsewhere (local).
+def solve_alone(A_z: coo_array, alone: Indices, rhs: Array) -> Array:
+    """Solve for some multipliers that no others depend on, (n,); zero elsewhere (local).
 
     Args:
         A_z: See ``ContactMatrices``.
-        alone: Numbers of the components of these multipliers, (nodes, c) for each pair.
+        alone: Numbers of their components, all of a node.
         rhs: Right-hand side, (n,).
 
     Raises:
-        LinAlgError: If a block is singular.
+        RuntimeError: If their equations are singular.
     """
     z = np.zeros(rhs.size)
-    for z_dofs in alone:
-        node, component = np.full((2, rhs.size), -1)
-        node[z_dofs], component[z_dofs] = np.indices(z_dofs.shape)
-        here = node[A_z.row] >= 0
-        i, j, blocks = A_z.row[here], A_z.col[here], np.zeros((*z_dofs.shape, z_dofs.shape[1]))
-        np.add.at(blocks, (node[i], component[i], component[j]), A_z.data[here])
-        z[z_dofs] = np.linalg.solve(blocks, rhs[z_dofs][:, :, None])[..., 0]
+    if alone.size:
+        z[alone] = splu(A_z.tocsc()[alone][:, alone]).solve(rhs[alone])
     return z
 
 
@@ -302,7 +299,7 @@ class ReducedEquations:
         """
         comm, found = self._bulk.comm, None
         if comm.rank == 0:
-            with suppress(np.linalg.LinAlgError):
+            with suppress(np.linalg.LinAlgError, RuntimeError):
                 found = self._solve_here(d, h, transpose)
         found = comm.bcast(found)
         if found is None:
@@ -319,7 +316,7 @@ class ReducedEquations:
             rhs[z_dofs], weight[z_dofs] = values, 1.0 / contact.stiffness[:, None]
         coupled = [z_dofs.ravel() for z_dofs in system.with_others(parts.C.row)]
         some = np.sort(np.concatenate([np.empty(0, np.int64), *coupled]))
-        others = system.with_others(np.setdiff1d(np.arange(rhs.size), some))
+        others = np.setdiff1d(np.arange(rhs.size), some)
         parts = parts.transposed if transpose else parts
         alone = solve_alone(parts.A_z, others, rhs)
         pushed = parts.B_T @ alone
@@ -330,7 +327,7 @@ class ReducedEquations:
     def _scaled(self, zeta: Array) -> list[Array]:
         """Multipliers of each contact times their scales (local)."""
         system = self._system
-        return [zeta[z_dofs] * system.scale(contact) for contact, z_dofs in system.numbered()]
+        return [zeta[z_dofs] * contact.components.scale for contact, z_dofs in system.numbered()]
 
     @clock("solve")
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
@@ -340,7 +337,7 @@ class ReducedEquations:
         given, f[prescribed] = f[prescribed], 0.0
         known = np.zeros_like(f)
         if transpose:
-            h = [values * system.scale(c) for c, values in zip(system.contacts, h, strict=True)]
+            h = [values * c.components.scale for c, values in zip(system.contacts, h, strict=True)]
         else:
             known[prescribed] = given
             f -= products(self._K_H, given[None], transpose=True)[0]
@@ -505,7 +502,7 @@ class LinearBulk:
             return "a scalar field flows across contact"
         floating = self._general.floating
         if floating.bodies:
-            names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
+            names = names_of(floating.bodies)
             return f"Dirichlet conditions leave {names} free to move"
         self._general.bulk.assemble_tangent()
         if any(isinstance(contact, Tie) for contact in self._general.contacts):

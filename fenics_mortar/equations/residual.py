@@ -71,9 +71,9 @@ class Residual:
 
     total: Array
     distance: Array
-    force: float
+    force: float = 0.0
     gap: float
-    attainable: float
+    attainable: float = 0.0
 
     def __init__(self, equations: Any) -> None:
         bulk: Bulk = equations.bulk
@@ -97,7 +97,8 @@ class Residual:
             squares, gap = contact.rows.measure()
             rows, self.gap = rows + squares, max(gap, self.gap)
             for flux in contact.conductances:
-                rows += flux.row_squares()
+                now = flux.now
+                rows += float(((flux.to_force * now.weight * now.row) ** 2).sum())
         raise_stored(bulk.comm, self._contacts)
         if self._motions.remote:
             self.begin()

@@ -12,9 +12,10 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact, begin_step, commit, instants_of
 from fenics_mortar.contact.law import BUILT_IN
+from fenics_mortar.contact.slip import lead, lead_by_solution
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_start
-from fenics_mortar.equations.predictor import Motion, turn, turns_of_prescribed, with_followers
+from fenics_mortar.equations.predictor import turn, turns_of_prescribed, with_followers
 from fenics_mortar.equations.reduced import LinearBulk
 from fenics_mortar.newton.loop import (
     Damped,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.equations.reduced import ReducedEquations
     from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.verify.node_paths import RigidPath
 
 
 # Change of slip by the motions of a solution, over the way of bodies that turn [1], above which it
@@ -113,7 +115,8 @@ class Solver:
         """
         e = self._equations
         unbalanced, inside = e.motions.residual(), e.crossings.nodes_inside()
-        certificate = certify(e.contacts, e.floating, unbalanced, inside)
+        solved = max(e.newton.residual_tolerance * e.residual.force, e.residual.attainable)
+        certificate = certify(e.contacts, e.floating, unbalanced, inside, solved)
         tipping = tipping_bodies(e.floating, certificate.pairs, self._loads_of_motions())
         springs, crossings = e.springs.remaining(), e.crossings.find()
         carried = {"springs": springs.fraction, "held": springs.message}
@@ -166,7 +169,7 @@ class Solver:
         e.bulk.history.accept(history)
         e.bulk.free_garbage()
         places, at_start = e.motions.obstacle_places, e.crossings.accepted
-        passages, possible = e.crossings.passages_of_step(places)
+        passages, possible = e.crossings.passages(places)
         certificate = self.certificate(
             drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
         )
@@ -244,7 +247,7 @@ class Solver:
         pairs, carried = self._led(solved=solved)
         if carried is not None:
             for pair in pairs:
-                pair.lead(pair.partners, self._equations.crossings.outline, carried)
+                lead(pair, pair.partners, self._equations.crossings.outline, carried)
 
     def _lead_by_solution(self, report: NewtonReport) -> NewtonReport:
         """Solve again, with slip of nodes without force from where their bodies have turned to.
@@ -263,7 +266,7 @@ class Solver:
                 return report
             kept = [pair.partners for pair in pairs]
             given = e.crossings.outline, carried, e.crossings.led.bodies
-            change = agreed(e.comm, max(pair.lead_by_solution(*given) for pair in pairs))
+            change = agreed(e.comm, max(lead_by_solution(pair, *given) for pair in pairs))
             if change <= LED_CHANGE or number == LED_SOLVES:
                 for pair, partners in zip(pairs, kept, strict=True):
                     pair.change(partners=partners)
@@ -377,7 +380,7 @@ class Solver:
         e.restore(start)
         return solve_with_springs(e, e.newton, failed)
 
-    def _meets(self, motions: dict[int, Motion], start: Any, *, followed: bool) -> bool | None:
+    def _meets(self, motions: dict[int, RigidPath], start: Any, *, followed: bool) -> bool | None:
         """Whether bodies turn by ``motions`` into others or through them (collective).
 
         Newton's method resolves overlaps of less than half a facet, which contact sees. ``None`` if
@@ -387,7 +390,7 @@ class Solver:
         try:
             turn(e, motions, followed=followed)
             deep = any(c.facets > max(c.admitted, HALF_FACET) for c in e.crossings.find())
-            found = deep or bool(e.crossings.passages(e.motions.obstacle_places))
+            found = deep or bool(e.crossings.passages(e.motions.obstacle_places)[0])
         except NotFiniteError:  # on all ranks
             return None
         finally:

@@ -14,6 +14,7 @@ dofs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -105,15 +106,7 @@ def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices
     by_place = np.lexsort((X[:, 1], X[:, 0]))
     by_place = by_place[np.isin(by_place, facets[:, 0])]
     ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
-    order: list[int] = []
-    visited = np.zeros(count, bool)
-    for start in ends_first:
-        node = int(start)
-        while node >= 0 and not visited[node]:
-            visited[node] = True
-            order.append(node)
-            node = int(following[node])
-    permutation = np.array(order)
+    permutation = np.concatenate(chains(following, ends_first))
     position = np.empty(count + 1, np.int64)
     position[permutation] = np.arange(count)
     position[-1] = -1
@@ -122,6 +115,25 @@ def order_curves(facets: Indices, X: Array, name: str) -> tuple[Indices, Indices
     for _ in range(facets.shape[1] - 1):
         nodes.append(following[nodes[-1]])
     return old[permutation], np.stack(nodes, axis=1), previous, following
+
+
+def chains(following: Indices, starts: Sequence[int] | Indices) -> list[Indices]:
+    """Numbers in the order of each chain, shape (k,) each (local).
+
+    Args:
+        following: The next number of each one, -1 for none, shape (n,).
+        starts: First numbers; those that another chain has reached begin none.
+    """
+    visited, found = np.zeros(following.size, bool), []
+    for start in starts:
+        at, chain = int(start), list[int]()
+        while at >= 0 and not visited[at]:
+            visited[at] = True
+            chain.append(at)
+            at = int(following[at])
+        if chain:
+            found.append(np.array(chain))
+    return found
 
 
 def ends_of_faces(X: Array, previous: Indices, following: Indices) -> Indices:
@@ -249,8 +261,8 @@ class Curve(Surface):
                         after[kept], before[after[merged]] = after[merged], kept
                         stands_for[merged] = kept
         keep = np.flatnonzero(stands_for == np.arange(self.num_nodes))
-        beside = {"previous": previous, "following": following}
-        return self.of_nodes(keep, stands_for[self.facets], **beside)
+        new = {"facets": stands_for[self.facets], "previous": previous, "following": following}
+        return self.of_nodes(keep, **new)
 
 
 def extract_curve(space: DisplacementSpace, facets: Numbers, name: str) -> Curve:

@@ -6,6 +6,8 @@ on its edges, and one at the centre. Nodes are numbered in the order of the mesh
 their nodes.
 
 Surfaces with linear facets between the vertices of quadratic ones, for fields of degree 1.
+
+Pairs of slave and master facets that face each other.
 """
 
 from __future__ import annotations
@@ -19,11 +21,13 @@ import numpy as np
 from fenics_mortar.interface import surfaces
 from fenics_mortar.interface.reference import CORNERS, covers
 from fenics_mortar.interface.surfaces import FaceRoles, Surface
+from fenics_mortar.kernels.space import pairs as pair_kernels
 from fenics_mortar.kernels.space.normals import find_rings, padded
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
     from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Area of a facet over the square of its longest edge [1] below which it has no normal.
@@ -168,7 +172,7 @@ def _check_areas(x: Array, name: str) -> None:
     Raises:
         SurfaceError: If there is one.
     """
-    areas = surfaces.shape_integrals(x).sum(axis=1)
+    areas = surfaces.shape_products(x).sum(axis=(1, 2))
     sizes = np.ptp(x, axis=1).max(axis=1)
     flat = np.flatnonzero(~(areas > MIN_AREA * sizes**2))
     if flat.size:
@@ -188,4 +192,82 @@ def surface_of_vertices(surface: Any) -> tuple[Any, Indices]:
         every = np.arange(surface.num_nodes)
         before, after = surface.along(every, range(-degree, degree + 1, 2 * degree)).T
         beside = {"previous": before, "following": after}
-    return surface.of_nodes(kept, surface.corners, **beside), kept
+    return surface.of_nodes(kept, facets=surface.corners, **beside), kept
+
+
+@dataclass(frozen=True)
+class FacetPairs:
+    """Slave facets and the master facets that they face.
+
+    Attributes:
+        facets: Slave facets that were searched, shape (f,).
+        offsets: Pairs of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
+        slave: Slave nodes of each pair, shape (p, K).
+        master: Master nodes of each pair, shape (p, K').
+        numbers: Their facets, shape (p,).
+        owner: Position in ``facets`` of the slave facet of each pair, shape (p,).
+        merged: Master nodes of all pairs of a facet, -1 for none, shape (f, L).
+        places: Positions in ``merged`` of the master nodes of each pair, shape (p, K').
+    """
+
+    facets: Indices
+    offsets: Indices
+    slave: Indices
+    master: Indices
+    numbers: Indices
+    owner: Indices
+    merged: Indices
+    places: Indices
+
+    @property
+    def num_segments(self) -> int:
+        """Number of pairs."""
+        return len(self.slave)
+
+    def of_facets(self, used: Flags) -> FacetPairs:
+        """The facets ``used`` (f,) with their pairs."""
+        pairs = used[self.owner]
+        merged = self.merged[used]
+        width = int((merged >= 0).sum(axis=1).max(initial=0))
+        return FacetPairs(
+            facets=self.facets[used], offsets=np.append(0, np.diff(self.offsets)[used].cumsum()),
+            slave=self.slave[pairs], master=self.master[pairs], numbers=self.numbers[pairs],
+            owner=(used.cumsum() - 1)[self.owner[pairs]], merged=merged[:, :width],
+            places=self.places[pairs],
+        )  # fmt: skip
+
+
+def _merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:
+    """Master nodes of all pairs of a facet, and the places of each pair's nodes among them (local).
+
+    Args:
+        owner: Facet of each pair, ascending, shape (p,).
+        master: Master nodes of the pairs, shape (p, K').
+        count: Number of facets.
+
+    Returns:
+        Nodes, ascending, -1 for none, shape (count, L), and places, shape (p, K').
+    """
+    size = master.max(initial=0) + 1
+    keys, number = np.unique((owner[:, None] * size + master).ravel(), return_inverse=True)
+    facet, node = np.divmod(keys, size)
+    at = np.arange(keys.size) - np.searchsorted(facet, facet)
+    return padded(facet, node, count), at[number].reshape(master.shape)
+
+
+def find_pairs(
+    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions,
+    behind: BodiesBehind | None = None,
+) -> FacetPairs:  # fmt: skip
+    """Master facets that the slave facets ``share`` (f,) face, within the limits (local)."""
+    offsets, masters = pair_kernels.find_pairs(
+        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine,
+        behind and tuple(behind.of(share)), slave.roles and slave.roles.of(share),
+    )  # fmt: skip
+    owner = np.repeat(np.arange(share.size), np.diff(offsets))
+    on_master = master.facets[masters]
+    merged, places = _merge(owner, on_master, share.size)
+    return FacetPairs(
+        facets=share, offsets=offsets, slave=slave.facets[share][owner], master=on_master,
+        numbers=masters, owner=owner, merged=merged, places=places,
+    )  # fmt: skip

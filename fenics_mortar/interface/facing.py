@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.space_mortar import FacetPairs
+from fenics_mortar.interface.faces import FacetPairs
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.normals import facets_around

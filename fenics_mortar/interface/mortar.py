@@ -361,13 +361,6 @@ class MortarOperators(ABC):
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, c)."""
         return np.asarray(self.slave.stencil_dofs)
 
-    def tangential_derivative(self, z: Array) -> Array:
-        """dtau_j/dd . z_j in the plane at fixed ``z`` (slave nodes, 2): (slave nodes, c).
-
-        Columns as in ``dn`` [unit of z / length].
-        """
-        return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
-
     def normal_derivative(self, z: Array) -> Array:
         """dn_j/dd . z_j at fixed ``z`` (slave nodes, dim), (slave nodes, c) [z / length].
 

@@ -91,7 +91,7 @@ def on_facets(given: Any, x: Array, nodes: Indices, rule: tuple[Array, Array]) -
         given: The contact, or a ``MortarInput``.
         x: Positions of the slave nodes, shape (slave nodes, dim) [length].
         nodes: Nodes of the facets, shape (f, K).
-        rule: Points and weights, see ``whole_rule``.
+        rule: Points and weights, see ``facet_rule``.
     """
     slave, options, thickness = given.slave, given.options, None
     if slave.thickness is not None:
@@ -176,7 +176,7 @@ def measures(x: Array, T: Array) -> tuple[Array, list[Array]]:
 def points_of(x: Array, points: Array) -> Array:
     """Positions of points of facets ``x`` (f, K, dim): (f, q, dim) [length] (local).
 
-    ``points``: as those of ``whole_rule``.
+    ``points``: as those of ``facet_rule``.
     """
     return np.einsum("kp,ekc->epc", reference.tabulate(points, x.shape[1])[:, 0].T, x)
 
@@ -200,13 +200,6 @@ def gaps_along(given: OnFacets, distances: Array) -> Array:
         values[..., 0] *= given.thickness[0] @ given.T[:, 0].T
     rows[:, :, -1] = np.moveaxis(distances, 0, 2)
     return np.moveaxis(given.integrate(values, rows)[4], 2, 0)
-
-
-def whole_rule(options: MortarOptions, degree: int, size: int) -> tuple[Array, Array]:
-    """Points and weights of whole facets of ``size`` nodes; see ``facet_rule`` (local)."""
-    if size == degree + 1:  # in the plane
-        return reference.facet_rule(options.integration, size, options.points)
-    return reference.face_rule(size, options.points)
 
 
 def obstacle_normals(
@@ -401,7 +394,7 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
     slave, master, x, _, multiplier_nodes, planes, options, linearization, _, _ = given
     distance = f"the distance of '{obstacle.name}'"  # each rank evaluates other points
     size, dim = slave.facets.shape[1], slave.dim
-    rule = whole_rule(options, slave.degree, size)
+    rule = reference.facet_rule(options.integration, size, options.points, dim)
 
     def of_share():
         normals = obstacle_normals(obstacle, arm, x, slave.degree, None if dim == 2 else planes)

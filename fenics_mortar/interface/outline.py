@@ -26,8 +26,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 
@@ -51,32 +49,22 @@ if TYPE_CHECKING:
 STEP_FACTOR = 0.97312
 
 
-@dataclass(frozen=True)
-class Outline:
-    """Segments of the outlines of some bodies; equal on all ranks except ``local_dofs``.
+@dataclass(frozen=True, kw_only=True)
+class Outline(surfaces.SurfaceNodes):
+    """Segments of the outlines of some bodies.
 
     Nodes are ordered by their coordinates, segments along a space-filling curve, so that neighbours
     in space have similar numbers. Neither order depends on the partition of the mesh.
 
     Attributes:
-        X: Reference positions of the nodes, shape (n, 2) [length].
-        nodes: Global numbers of the nodes in the displacement's space, shape (n,).
         bodies: Body of each node, shape (n,).
         segments: Nodes of each segment, the body on the left, shape (m, 2).
         ends: End nodes of the facet that contains each segment, shape (m, 2).
-        owners: Rank that owns each node, shape (n,).
-        local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, 2).
-        comm: Communicator of the mesh.
     """
 
-    X: Array
-    nodes: Indices
     bodies: Indices
     segments: Indices
     ends: Indices
-    owners: Indices
-    local_dofs: Indices
-    comm: MPI.Comm
 
     @property
     def segment_bodies(self) -> Indices:
@@ -89,10 +77,6 @@ class Outline:
         Returns an array of shape (n, 2) [length].
         """
         return self.X + self.gather(u)
-
-    def gather(self, values: Array) -> Array:
-        """Gather nodal values (n, 2) of an array of all local dofs [its unit] (collective)."""
-        return surfaces.replicate(values[self.local_dofs], self.owners, self.comm)
 
     def lengths(self, x: Array) -> Array:
         """Chords of the facets that contain the segments, nodes at ``x`` (n, 2): (m,) [length]."""
@@ -168,23 +152,9 @@ class Outline:
     def of_bodies(self, bodies: Indices) -> Outline:
         """The outlines of the bodies with the given numbers (k,) only (local)."""
         used = np.isin(self.bodies, bodies)
-        number = np.cumsum(used) - 1
         mine = used[self.segments[:, 0]]
-        owned = self.owners == self.comm.rank
-        return replace(
-            self,
-            X=self.X[used],
-            nodes=self.nodes[used],
-            bodies=self.bodies[used],
-            segments=number[self.segments[mine]],
-            ends=self.ends_among(number, mine),
-            owners=self.owners[used],
-            local_dofs=self.local_dofs[used[owned]],
-        )
-
-    def ends_among(self, number: Indices, mine: npt.NDArray[np.bool_]) -> Indices:
-        """``ends`` of the segments ``mine`` (m,), bool, with new numbers of nodes (n,) (local)."""
-        return number[self.ends[mine]]
+        facets = {"segments": self.segments[mine], "ends": self.ends[mine]}
+        return self.of_nodes(np.flatnonzero(used), **facets)
 
 
 def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Outline:
@@ -227,8 +197,7 @@ def exterior_facets(
     number = np.empty_like(order)
     number[order] = np.arange(order.size)
     place = surfaces.place_of_nodes(space, nodes[order])
-    kept = {name: place[name] for name in ("nodes", "owners", "local_dofs", "comm")}
-    return {"X": X[order], "bodies": of_bodies[order], **kept}, number[facets]
+    return {"X": X[order], "bodies": of_bodies[order], **place}, number[facets]
 
 
 # Safe depth over the undeformed thickness behind a facet [1]; the depth is at most the facet's
@@ -287,7 +256,7 @@ class Sight:
         return BodiesBehind(self._safe, self._slave_bodies, self._master_bodies, arrays)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hull(Outline):
     """Triangles of the hulls of some bodies; see ``Outline``, equal on all ranks likewise.
 
@@ -296,6 +265,8 @@ class Hull(Outline):
             triangles follow a space-filling curve.
         ends: Facet of each triangle, shape (m, 1), numbers from 0 on.
     """
+
+    numbers = surfaces.SurfaceNodes.numbers - {"ends"}
 
     def lengths(self, x: Array) -> Array:
         """Sizes of the triangles' facets, nodes at ``x`` (n, 3): roots of areas, (m,) [length]."""
@@ -344,10 +315,6 @@ class Hull(Outline):
         one, other = np.moveaxis(self.normals(x)[self.edges[1]], 1, 0)
         across = np.linalg.norm(np.cross(one, other), axis=1)
         return np.arctan2(across, np.einsum("ec,ec->e", one, other))
-
-    def ends_among(self, number: Indices, mine: Any) -> Indices:
-        """``ends`` of the segments ``mine`` (m,), bool: numbers of facets stay (local)."""
-        return self.ends[mine]
 
     def are_of(self, surface: Any) -> Any:
         """Whether each triangle belongs to a surface, shape (m,), bool."""

@@ -60,12 +60,6 @@ def rule_of_triangles(size: int) -> tuple[Array, Array]:
     return points, area * np.tile(weights, len(triangles))
 
 
-def reference_values(size: int) -> tuple[Array, Array]:
-    """Shape functions (q, K) [1] at points of a reference facet, and weights (q,) [1] (local)."""
-    points, weights = rule_of_triangles(size)
-    return tabulate(points, size)[:, 0].copy(), weights
-
-
 def tabulate(points: Array, size: int) -> Array:
     """Shape functions of facets of ``size`` nodes, and their derivatives (local).
 
@@ -118,11 +112,14 @@ def gauss_rule(points: int) -> tuple[Array, Array]:
     return np.polynomial.legendre.leggauss(points)
 
 
-def facet_rule(integration: str, size: int, points: int) -> tuple[Array, Array]:
+def facet_rule(integration: str, size: int, points: int, dim: int = 2) -> tuple[Array, Array]:
     """Points and weights on a whole facet of ``size`` nodes, each (points,) [1].
 
-    Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
+    Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule. In
+    space those of ``face_rule``.
     """
+    if dim == 3:
+        return face_rule(size, points)
     if integration != "nodes":
         return gauss_rule(points)
     weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
@@ -148,8 +145,8 @@ def functions_of(size: int, basis: Basis) -> Array:
         return functions
     if basis != "quadratic" or size == 3:  # linear fields of a tie with quadratic displacements
         return np.eye(size)
-    (N, weights), T = reference_values(size), positive_functions()
-    given = T @ N.T
+    (points, weights), T = rule_of_triangles(size), positive_functions()
+    given = T @ tabulate(points, size)[:, 0].T
     gram = (given * weights) @ given.T
     return np.asarray(np.diag(given @ weights) @ np.linalg.solve(gram, T))
 

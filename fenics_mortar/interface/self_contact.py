@@ -31,6 +31,7 @@ Two nodes that face each other there would have one gap; one of them hands its m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -38,9 +39,9 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from fenics_mortar.interface.curve_surface import FOLD, Curve
+from fenics_mortar.interface.curve_surface import FOLD, Curve, chains
 from fenics_mortar.interface.faces import Faces
-from fenics_mortar.interface.surfaces import CurveRoles, FaceRoles, Roles
+from fenics_mortar.interface.surfaces import CurveRoles, FaceRoles
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.kernels.space.normals import padded
 from fenics_mortar.utils.arrays import SAME_PLACE, Array, Flags, Indices, cross_in_plane
@@ -53,8 +54,24 @@ DIGITS = round(-np.log10(SAME_PLACE))
 OBLIQUE = np.array([0.8320502943, 0.4902612396, 0.2594961847])
 
 
-def roles_of_faces(surface: Faces) -> FaceRoles:
-    """Roles of the facets of faces (local).
+def _keys(surface: Any, part: Indices, within: Sequence[Array], fixed: Flags) -> Indices:
+    """``Roles.keys`` of facets in parts (f,), numbered by their places (local).
+
+    Args:
+        surface: The surface.
+        part: Part of each facet, shape (f,).
+        within: Keys of the order in a part, the last one first, shape (f,) each.
+        fixed: Whether a facet carries no multipliers, shape (f,), bool.
+    """
+    mean = np.bincount(part, surface.facet_sizes) / np.bincount(part)
+    of_parts = np.argsort(np.round(np.log10(mean), DIGITS), kind="stable")
+    keys = np.stack([part, part], axis=1)
+    keys[np.lexsort((*within, np.argsort(of_parts)[part], fixed)), 0] = np.arange(part.size)
+    return keys
+
+
+def _roles_of_faces(surface: Faces, fixed: Flags) -> FaceRoles:
+    """Roles of the facets of faces (local); see ``_keys``.
 
     Raises:
         SurfaceError: If facets fold back on each other at an edge, as at the tip of a crack.
@@ -62,21 +79,14 @@ def roles_of_faces(surface: Faces) -> FaceRoles:
     graph = shared_nodes(surface.facets, surface.num_nodes)
     places = surface.X[surface.corners].mean(axis=1)
     _check_folds(surface, places)
-    count, part = connected_components(graph, directed=False)
+    _, part = connected_components(graph, directed=False)
     along = np.round((places @ OBLIQUE) / (SAME_PLACE * surface.extent))
     by_place = np.lexsort((*places.T, along))
-    _, first = np.unique(part[by_place], return_index=True)
-    firsts = by_place[first]  # of each part
-    mean = np.bincount(part, surface.facet_sizes) / np.bincount(part)
-    of_parts = np.lexsort((along[firsts], np.round(np.log10(mean), DIGITS)))
-    rank = np.empty(count, np.int64)
-    rank[of_parts] = np.arange(count)
-    distances = _distances(graph, places, firsts)
+    _, first = np.unique(part[by_place], return_index=True)  # of each part
+    distances = _distances(graph, places, by_place[first])
     distances = np.round(distances / (SAME_PLACE * surface.extent))
-    keys = np.empty((len(places), 2), np.int64)
-    keys[np.lexsort((along, distances, rank[part])), 0] = np.arange(len(places))
-    keys[:, 1] = part
-    return FaceRoles(keys, _near(graph))
+    part = np.argsort(np.argsort(first))[part]
+    return FaceRoles(_keys(surface, part, (along, distances), fixed), _near(graph))
 
 
 def shared_nodes(facets: Indices, num_nodes: int) -> csr_array:
@@ -136,31 +146,20 @@ def in_contact_with_itself(surface: Any, may_carry: Flags) -> Any:
         surface: The surface.
         may_carry: Whether a node may carry a multiplier, shape (nodes,), bool.
     """
-    roles = roles_of_faces(surface) if isinstance(surface, Faces) else roles_of_curves(surface)
-    fixed = ~may_carry[surface.facets].any(axis=1)
-    keys = roles.keys.copy()
-    keys[np.lexsort((roles.keys[:, 0], fixed)), 0] = np.arange(len(keys))
-    return replace(surface, roles=replace(roles, keys=keys))
+    roles_of: Any = _roles_of_faces if isinstance(surface, Faces) else _roles_of_curves
+    return replace(surface, roles=roles_of(surface, ~may_carry[surface.facets].any(axis=1)))
 
 
-def roles_of_curves(surface: Curve) -> Roles:
-    """Roles of the facets of curves (local)."""
-    curves = facets_by_curve(surface)
-    mean = np.array([surface.facet_sizes[facets].mean() for facets in curves])
-    mean = np.round(np.log10(mean), DIGITS)
-    keys = np.empty((len(surface.facets), 2), np.int64)
-    arcs = np.empty((len(surface.facets), 3))
-    first = 0
-    for curve in np.argsort(mean, kind="stable"):
-        facets = curves[curve]
+def _roles_of_curves(surface: Curve, fixed: Flags) -> CurveRoles:
+    """Roles of the facets of curves (local); see ``_keys``."""
+    part, arcs = np.empty(len(surface.facets), np.int64), np.empty((len(surface.facets), 3))
+    for number, facets in enumerate(facets_by_curve(surface)):
         along = np.concatenate([[0.0], np.cumsum(surface.facet_sizes[facets])])
         closed = surface.facets[facets[0], 0] == surface.facets[facets[-1], -1]
-        keys[facets, 0] = first + np.arange(facets.size)
-        first += facets.size
-        keys[facets, 1] = curve
-        arcs[facets] = np.stack([along[:-1], along[1:], 0.0 * along[1:]], axis=1)
+        part[facets] = number
+        arcs[facets, :2] = np.stack([along[:-1], along[1:]], axis=1)
         arcs[facets, 2] = along[-1] if closed else np.inf
-    return CurveRoles(keys, arcs, ends_at_junctions(surface))
+    return CurveRoles(_keys(surface, part, (arcs[:, 0],), fixed), arcs, ends_at_junctions(surface))
 
 
 def ends_at_junctions(surface: Curve) -> Indices:
@@ -188,16 +187,7 @@ def facets_by_curve(surface: Curve) -> list[Indices]:
     begins = np.full(surface.num_nodes, -1)
     begins[surface.facets[:, 0]] = np.arange(len(surface.facets))
     starts = np.flatnonzero(surface.previous[surface.facets[:, 0]] < 0)
-    visited, curves = np.zeros(len(surface.facets), bool), []
-    for start in (*starts, *range(len(surface.facets))):
-        facet, facets = int(start), []
-        while facet >= 0 and not visited[facet]:
-            visited[facet] = True
-            facets.append(facet)
-            facet = int(begins[surface.facets[facet, -1]])
-        if facets:
-            curves.append(np.array(facets))
-    return curves
+    return chains(begins[surface.facets[:, -1]], [*starts, *range(len(surface.facets))])
 
 
 def starts_of_holes(surface: Any) -> Indices:

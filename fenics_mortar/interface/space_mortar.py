@@ -36,20 +36,19 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from fenics_mortar.interface import reference
+from fenics_mortar.interface.faces import FacetPairs, find_pairs
 from fenics_mortar.interface.integrals import MortarInput, choose_facets, sum_over_facets
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
-from fenics_mortar.kernels.space import integrals, pairs
+from fenics_mortar.kernels.space import integrals
 from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.linearize import linearize_facets
-from fenics_mortar.kernels.space.normals import padded
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.faces import Faces
-    from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
     from fenics_mortar.interface.mortar import ByEntries
     from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import FaceRoles
@@ -58,48 +57,6 @@ if TYPE_CHECKING:
 # rounding then changes its inverse by 2e-6, and the forces of a narrow cover by less than 1e-11 of
 # those of the surface. Covers of 1e-3 of a facet of nine nodes have 1e-12 and less.
 NARROW_COVER = 1e-10
-
-
-@dataclass(frozen=True)
-class FacetPairs:
-    """Slave facets and the master facets that they face.
-
-    Attributes:
-        facets: Slave facets that were searched, shape (f,).
-        offsets: Pairs of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
-        slave: Slave nodes of each pair, shape (p, K).
-        master: Master nodes of each pair, shape (p, K').
-        numbers: Their facets, shape (p,).
-        owner: Position in ``facets`` of the slave facet of each pair, shape (p,).
-        merged: Master nodes of all pairs of a facet, -1 for none, shape (f, L).
-        places: Positions in ``merged`` of the master nodes of each pair, shape (p, K').
-    """
-
-    facets: Indices
-    offsets: Indices
-    slave: Indices
-    master: Indices
-    numbers: Indices
-    owner: Indices
-    merged: Indices
-    places: Indices
-
-    @property
-    def num_segments(self) -> int:
-        """Number of pairs."""
-        return len(self.slave)
-
-    def of_facets(self, used: Flags) -> FacetPairs:
-        """The facets ``used`` (f,) with their pairs."""
-        pairs = used[self.owner]
-        merged = self.merged[used]
-        width = int((merged >= 0).sum(axis=1).max(initial=0))
-        return FacetPairs(
-            facets=self.facets[used], offsets=np.append(0, np.diff(self.offsets)[used].cumsum()),
-            slave=self.slave[pairs], master=self.master[pairs], numbers=self.numbers[pairs],
-            owner=(used.cumsum() - 1)[self.owner[pairs]], merged=merged[:, :width],
-            places=self.places[pairs],
-        )  # fmt: skip
 
 
 class Moments(NamedTuple):
@@ -458,24 +415,6 @@ def inverse_of(Me: Array) -> Array:
     return inverse
 
 
-def merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:
-    """Master nodes of all pairs of a facet, and the places of each pair's nodes among them (local).
-
-    Args:
-        owner: Facet of each pair, ascending, shape (p,).
-        master: Master nodes of the pairs, shape (p, K').
-        count: Number of facets.
-
-    Returns:
-        Nodes, ascending, -1 for none, shape (count, L), and places, shape (p, K').
-    """
-    size = master.max(initial=0) + 1
-    keys, number = np.unique((owner[:, None] * size + master).ravel(), return_inverse=True)
-    facet, node = np.divmod(keys, size)
-    at = np.arange(keys.size) - np.searchsorted(facet, facet)
-    return padded(facet, node, count), at[number].reshape(master.shape)
-
-
 # Smallest weight of a multiplier node after the hand-over, over that of its own function [1]: below
 # it functions of negative integral cancel most of its own, and the mean gap is no longer a mean.
 LEAST_WEIGHT = 0.5
@@ -570,24 +509,6 @@ def _hand_over(
         if not reduced.any():
             return H
         carries &= ~reduced
-
-
-def find_pairs(
-    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions,
-    behind: BodiesBehind | None = None,
-) -> FacetPairs:  # fmt: skip
-    """Master facets that the slave facets ``share`` (f,) face, within the limits (local)."""
-    offsets, masters = pairs.find_pairs(
-        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine,
-        behind and tuple(behind.of(share)), slave.roles and slave.roles.of(share),
-    )  # fmt: skip
-    owner = np.repeat(np.arange(share.size), np.diff(offsets))
-    on_master = master.facets[masters]
-    merged, places = merge(owner, on_master, share.size)
-    return FacetPairs(
-        facets=share, offsets=offsets, slave=slave.facets[share][owner], master=on_master,
-        numbers=masters, owner=owner, merged=merged, places=places,
-    )  # fmt: skip
 
 
 def _integrate(

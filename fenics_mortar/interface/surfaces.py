@@ -38,7 +38,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mpi4py import MPI
 
@@ -72,37 +72,33 @@ if TYPE_CHECKING:
 MIN_SHARE = 0.05
 
 
-# Attributes with a row, and with the number of a node, for each node.
-_OF_NODES, _NUMBERS = {"X", "nodes", "owners", "dofs", "is_open"}, {"previous", "following"}
-
-
 @dataclass(frozen=True, kw_only=True)
-class Surface(ABC):
-    """Facets of some boundary tags; equal on all ranks except ``owned`` and ``local_dofs``.
+class SurfaceNodes:
+    """Nodes of boundaries; equal on all ranks except ``owned`` and ``local_dofs``.
 
     Attributes:
-        name: Name used in messages.
         X: Reference positions, shape (n, dim) [length].
-        facets: Nodes of each facet, shape (m, K).
         nodes: Global number of each node in the displacement's space, shape (n,).
         owners: Rank that owns each node, shape (n,).
         owned: Indices in these arrays of the nodes owned by this rank, shape (owned nodes,).
         dofs: Global dofs of each node, shape (n, dim).
         local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, dim).
         comm: Communicator of the mesh.
-        thickness: Out-of-plane thickness in the plane; ``None`` if it is one, and in space.
     """
 
-    name: str
+    # Attributes of these classes with a row for each node, and with numbers of nodes.
+    by_node: ClassVar = {
+        "X", "nodes", "owners", "dofs", "is_open", "bodies", "previous", "following",
+    }  # fmt: skip
+    numbers: ClassVar = {"previous", "following", "facets", "segments", "ends"}
+
     X: Array
-    facets: Indices
     nodes: Indices
     owners: Indices
     owned: Indices
     dofs: Indices
     local_dofs: Indices
     comm: MPI.Comm
-    thickness: NodalThickness | None = None
 
     @cached_property
     def dim(self) -> int:
@@ -114,29 +110,56 @@ class Surface(ABC):
         """Number of nodes of the surface."""
         return self.X.shape[0]
 
+    def gather(self, values: Array) -> Array:
+        """Gather nodal values of a function of the space on all ranks (collective).
+
+        Args:
+            values: Local array of all dofs, owned ones first, shape (local dofs,).
+
+        Returns:
+            Values at the nodes, shape (n, dim) [their unit], equal on all ranks.
+        """
+        return replicate(values[self.local_dofs], self.owners, self.comm)
+
+    def of_nodes(self, kept: Indices, **others: Any) -> Any:
+        """The same with some of its nodes (local).
+
+        Args:
+            kept: The nodes, shape (k,).
+            others: Other attributes to change, as facets between them, with the present nodes.
+        """
+        given, number = vars(self) | others, np.full(self.num_nodes + 1, -1)
+        number[kept] = np.arange(kept.size)
+        mine = np.isin(self.owned, kept)
+        new = others | {name: given[name][kept] for name in self.by_node & given.keys()}
+        new |= {name: number[new.get(name, given[name])] for name in self.numbers & given.keys()}
+        owned, local_dofs = number[self.owned[mine]], self.local_dofs[mine]
+        return replace(self, owned=owned, local_dofs=local_dofs, **new)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface(SurfaceNodes, ABC):
+    """Facets of some boundary tags.
+
+    Attributes:
+        name: Name used in messages.
+        facets: Nodes of each facet, shape (m, K).
+        thickness: Out-of-plane thickness in the plane; ``None`` if it is one, and in space.
+    """
+
+    name: str
+    facets: Indices
+    thickness: NodalThickness | None = None
+
     @cached_property
     def extent(self) -> float:
         """Diagonal of the bounding box in the reference state [length]."""
         return float(np.hypot.reduce(np.ptp(self.X, axis=0)))
 
-    def of_nodes(self, kept: Indices, facets: Indices, **others: Any) -> Any:
-        """The surface with some of its nodes (local).
-
-        Args:
-            kept: The nodes, shape (k,).
-            facets: Facets between them, shape (m, K).
-            others: Other attributes to change, all with the present nodes.
-        """
-        given, number = vars(self) | others, np.full(self.num_nodes + 1, -1)
-        number[kept] = np.arange(kept.size)
-        mine = np.isin(self.owned, kept)
-        new = {"thickness": self.thickness and self.thickness.of(kept), "roles": None} | others
-        new |= {name: given[name][kept] for name in _OF_NODES & given.keys()}
-        new |= {name: number[given[name][kept]] for name in _NUMBERS & given.keys()}
-        return replace(
-            self, facets=number[facets], owned=number[self.owned[mine]],
-            local_dofs=self.local_dofs[mine], **new,
-        )  # fmt: skip
+    def of_nodes(self, kept: Indices, **others: Any) -> Any:
+        """The surface with some of its nodes, of which no facet touches another (local)."""
+        thickness = self.thickness and self.thickness.of(kept)
+        return super().of_nodes(kept, **{"thickness": thickness, "roles": None} | others)
 
     @cached_property
     def around(self) -> tuple[Indices, Indices, Indices]:
@@ -166,15 +189,16 @@ class Surface(ABC):
         return inner
 
     @cached_property
-    def between_corners(self) -> tuple[Indices, Indices, Array]:
-        """Nodes that are no corners, (k,), corners of their facets, (k, c), and weights [1].
-
-        These are the values of the linear functions.
-        """
+    def from_corners(self) -> csr_array:
+        """Values at the nodes of linear functions by those at the corners, shape (n, n) [1]."""
         count, size = self.facets.shape
-        places = np.setdiff1d(np.arange(size), reference.corner_places(size, self.dim))
-        weights = np.tile(reference.linear_values(size, self.dim)[places], (count, 1))
-        return self.facets[:, places].ravel(), np.repeat(self.corners, places.size, axis=0), weights
+        nodes, first = np.unique(self.facets, return_index=True)
+        corners = np.repeat(self.corners, size, axis=0)[first]
+        weights = np.tile(reference.linear_values(size, self.dim), (count, 1))[first]
+        at = np.repeat(nodes, corners.shape[1]), corners.ravel()
+        found = coo_array((weights.ravel(), at), shape=(self.num_nodes,) * 2).tocsr()
+        found.eliminate_zeros()
+        return found
 
     @property
     def products(self) -> Array:
@@ -190,7 +214,9 @@ class Surface(ABC):
     @cached_property
     def measures(self) -> Array:
         """Those without the thickness, shape (m, K) [length, in space area]."""
-        return self.areas if self.thickness is None else shape_integrals(self.X[self.facets])
+        if self.thickness is None:
+            return self.areas
+        return shape_products(self.X[self.facets]).sum(axis=2)
 
     @cached_property
     def facet_sizes(self) -> Array:
@@ -258,17 +284,6 @@ class Surface(ABC):
     def on_nodes(self, of_facets: Array) -> Array:
         """Sums at the nodes, (n,), of values (m, K) at the nodes of facets [their unit] (local)."""
         return summed(of_facets.ravel(), self.facets.ravel(), self.num_nodes)
-
-    def gather(self, values: Array) -> Array:
-        """Gather nodal values of a function of the space on all ranks (collective).
-
-        Args:
-            values: Local array of all dofs, owned ones first, shape (local dofs,).
-
-        Returns:
-            Values at the nodes of the surface, shape (n, dim) [their unit], equal on all ranks.
-        """
-        return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def dofs_of(self, which: Indices) -> Indices:
         """Global dofs of nodes of the surface (local).
@@ -342,11 +357,6 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
 POINTS = 5
 
 
-def shape_integrals(x: Array) -> Array:
-    """Integrals of the shape functions, see ``shape_products``, shape (m, K) [area] (local)."""
-    return shape_products(x).sum(axis=2)
-
-
 def shape_products(x: Array, thickness: Array | None = None) -> Array:
     """Integrals of products of two shape functions over facets at ``x`` (m, K, dim) (local).
 
@@ -354,14 +364,12 @@ def shape_products(x: Array, thickness: Array | None = None) -> Array:
     """
     in_plane = x.shape[2] == 2
     rule = reference.gauss_rule(POINTS) if in_plane else reference.rule_of_triangles(x.shape[1])
-    total = np.zeros((*x.shape[:2], x.shape[1]))
-    for T, weight in zip(reference.tabulate(rule[0], x.shape[1]), rule[1], strict=True):
-        tangents = np.einsum("ak,mkc->amc", T[1:], x)
-        J = np.linalg.norm(tangents[0] if in_plane else np.cross(*tangents), axis=1)
-        if thickness is not None:
-            J = J * (thickness @ T[0])
-        total += weight * J[:, None, None] * np.outer(T[0], T[0])
-    return total
+    T = reference.tabulate(rule[0], x.shape[1])
+    tangents, N = np.einsum("qak,mkc->amqc", T[:, 1:], x), T[:, 0]
+    J = np.linalg.norm(tangents[0] if in_plane else np.cross(*tangents), axis=2)
+    if thickness is not None:
+        J = J * (thickness @ N.T)
+    return np.asarray(np.einsum("mq,qk,ql->mkl", J * rule[1], N, N, optimize=True))
 
 
 def tagged_facets(mesh: Any, facet_tags: Any, tags: Sequence[int], name: str) -> Numbers:

@@ -6,7 +6,8 @@ dof at each node, with weight 1. A field of degree 1 beside a displacement of de
 nodes inside edges and facets; its value there is the mean of their corners. E is then part of D and
 M of the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
 
-The surface of some boundary tags: curves in the plane, faces in space.
+The surface of some boundary tags: curves in the plane, faces in space. The two surfaces of a pair:
+extraction, checks, substitutes of nodes without weight.
 """
 
 from __future__ import annotations
@@ -22,11 +23,15 @@ import basix
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.interface.curve_surface import extract_curve
+from fenics_mortar.interface.corners import TURN
+from fenics_mortar.interface.curve_surface import extract_curve, turn_between
 from fenics_mortar.interface.faces import extract_faces
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate, tagged_facets
+from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import compat
+from fenics_mortar.utils.errors import SurfaceError, format_point
+from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
@@ -41,36 +46,11 @@ class Trace:
         surface: The surface.
         dofs: Global dofs that determine the value at each node, -1 for none, shape (n, r).
         weights: Their weights, zero for none, shape (n, r) [1].
-        local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, r).
-        is_mine: Whether this rank owns a dof of ``dofs``, of that shape, bool.
-        first: Global number of the first dof of this rank.
     """
 
     surface: Any
     dofs: Indices
     weights: Array
-    local_dofs: Indices
-    is_mine: Flags
-    first: int
-
-    def gather(self, values: Array) -> Array:
-        """Values at the nodes, shape (n,) [their unit], equal on all ranks (collective).
-
-        Args:
-            values: Values of all local dofs, ghosts included, shape (local dofs,).
-        """
-        at_nodes = (self.weights[self.surface.owned] * values[self.local_dofs]).sum(axis=1)
-        return replicate(at_nodes[:, None], self.surface.owners, self.surface.comm)[:, 0]
-
-    def scatter_add(self, nodal: Array, target: Array) -> None:
-        """Add E^T times replicated ``nodal`` (n,) to the owned dofs of ``target`` (local).
-
-        Args:
-            nodal: Loads of the nodes, shape (n,) [any unit].
-            target: Local array, shape (owned dofs,) or longer; changed in place.
-        """
-        mine = self.is_mine
-        np.add.at(target, self.dofs[mine] - self.first, (self.weights * nodal[:, None])[mine])
 
     def columns(self, nodes: Indices, values: Array) -> tuple[Indices, Array]:
         """Dofs and derivatives by dofs, for derivatives by values at nodes (local).
@@ -103,37 +83,64 @@ class Trace:
         shape = len(self.dofs), dofs.size
         return coo_array((self.weights[node, part], (node, column)), shape=shape).tocsr()
 
-    def spreads(self, prescribed: Flags, *, at_vertices: bool) -> tuple[csr_array, csr_array]:
-        """The matrices A of a flux, and of one that is conducted perfectly (collective).
+    def spreads(self, free: Flags, *, at_vertices: bool) -> tuple[csr_array, csr_array]:
+        """The matrices A of a flux, and of one that is conducted perfectly (local).
 
         See ``contact.fluxes``; shape (n, n) [1] each.
 
         Args:
-            prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+            free: Whether the value at a node is not prescribed, shape (n,), bool.
             at_vertices: Whether multipliers are at vertices alone.
         """
         slave, count, linear = self.surface, self.surface.num_nodes, self.dofs.shape[1] > 1
-        at_carriers = csr_array(eye(count))
-        if linear:
-            inner, corners, weights = slave.between_corners
-            first = np.unique(inner, return_index=True)[1]
-            rows = np.repeat(inner[first], corners.shape[1])
-            values = np.broadcast_to(weights[first], corners[first].shape).ravel()
-            between = coo_array((values, (rows, corners[first].ravel())), shape=(count, count))
-            at_carriers = csr_array(diags((~slave.inner).astype(float)) + between)
+        at_carriers = slave.from_corners if linear else csr_array(eye(count))
         facets = slave.corners if at_vertices or linear else slave.facets
         of_facets = np.repeat(np.arange(len(facets)), facets.shape[1]), facets.ravel()
         beside = coo_array((np.ones(facets.size), of_facets), shape=(len(facets), count)).tocsr()
-        free = self.gather(prescribed.astype(float)) < 1.0
         others = (beside.T @ beside) @ diags(free.astype(float))
         sums = others.sum(axis=1)
         kept = free | (sums == 0.0)
         shares = np.where(kept, 0.0, 1.0 / np.where(sums > 0.0, sums, 1.0))
         handed = diags(kept.astype(float)) + diags(shares) @ others
-        both = at_carriers, csr_array(at_carriers @ handed)
-        for spread in both:
-            spread.eliminate_zeros()  # times inf
-        return both
+        perfect = csr_array(at_carriers @ handed)
+        perfect.eliminate_zeros()  # times inf
+        return at_carriers, perfect
+
+
+class FieldTraces:
+    """Traces of a scalar field on the surfaces of a pair, and values at all of their dofs.
+
+    Args:
+        space: See ``trace_of``, as ``field``.
+        field: The field.
+        sides: The surfaces.
+
+    Attributes:
+        traces: The traces.
+        dofs: All their dofs, ascending, shape (d,), replicated.
+        interpolations: Matrices E of the traces, for the values at ``dofs``.
+        owned: Global number of the first dof of this rank, and of the first one of the next rank.
+    """
+
+    def __init__(self, space: DisplacementSpace, field: Any, sides: Sequence[Surface]) -> None:
+        self.traces = [trace_of(space, field, side) for side in sides]
+        found = np.unique(np.concatenate([trace.dofs.ravel() for trace in self.traces]))
+        self.dofs: Indices = found[found >= 0]
+        self.interpolations = [trace.interpolation(self.dofs) for trace in self.traces]
+        whole = field.function_space if isinstance(field, fem.Function) else space.whole
+        self.owned = whole.dofmap.index_map.local_range
+        self._places = slice(*np.searchsorted(self.dofs, self.owned))  # of this rank's ``dofs``
+        self._mine, self._comm = self.dofs[self._places] - self.owned[0], sides[0].comm
+
+    def gathered(self, values: Array | Flags) -> Array:
+        """Values (owned dofs,) at ``dofs``, shape (d,) [their unit], on all ranks (collective)."""
+        found = np.zeros(self.dofs.size)
+        found[self._places] = values[self._mine]
+        return sum_over_ranks(self._comm, found)
+
+    def add(self, values: Array, target: Array) -> None:
+        """Add ``values`` (d, ...) at the dofs to those of this rank in ``target`` (local)."""
+        target[self._mine] += values[self._places]
 
 
 def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:
@@ -161,15 +168,12 @@ def trace_of(space: DisplacementSpace, field: Any, surface: Surface) -> Trace:
     mine = surface.nodes[surface.owned] - begin
     local_dofs, weights = dofs[mine], weights[mine]
     comm, whole = surface.comm, (of_field if alone else space.whole).dofmap.index_map
-    first, num_owned = whole.local_range[0], whole.size_local
     named = whole.local_to_global(np.maximum(local_dofs, 0).ravel().astype(np.int32))
     numbers = np.where(local_dofs >= 0, np.reshape(named, local_dofs.shape), -1)
     everywhere = replicate(numbers.astype(np.int64), surface.owners, comm)
     weights = replicate(weights, surface.owners, comm)
     used = slice(0, int((everywhere >= 0).sum(axis=1).max(initial=1)))
-    everywhere, weights = everywhere[:, used].copy(), weights[:, used].copy()
-    is_mine = (everywhere >= first) & (everywhere < first + num_owned)
-    return Trace(surface, everywhere, weights, local_dofs[:, used].copy(), is_mine, first)
+    return Trace(surface, everywhere[:, used].copy(), weights[:, used].copy())
 
 
 def _sub_space(space: DisplacementSpace, field: Any) -> Any:
@@ -257,3 +261,118 @@ def extract_surface(
     """
     extract = extract_curve if space.V.mesh.topology.dim == 2 else extract_faces
     return extract(space, tagged_facets(space.V.mesh, facet_tags, tags, name), name)
+
+
+def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[Any, Any]:
+    """Slave and master of a pair (collective).
+
+    Both are the same object if the surface may touch itself. The surface of an obstacle has no
+    nodes.
+
+    Args:
+        pair: The pair.
+        space: Nodes and dofs of the displacement.
+        welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
+
+    Raises:
+        SurfaceError: On all ranks, if the surfaces share nodes other than tips of cracks.
+    """
+    tags = pair.data.facet_tags
+    extracted = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
+    slave = extracted.welded(welds)
+    if pair.master is None:
+        return slave, slave
+    if isinstance(pair.master, Obstacle):
+        none = {"facets": slave.facets[:0], "thickness": None}
+        master = slave.of_nodes(np.empty(0, np.int64), name=pair.master_name, **none)
+    else:
+        on_master = pair.data.boundary_tags(pair.master)
+        master = extract_surface(space, tags, on_master, pair.master_name)
+    master = master.welded(welds)
+    _check_shared_nodes(slave, master)
+    return slave, master
+
+
+def _check_shared_nodes(slave: Any, master: Any) -> None:
+    """Check that only tips of cracks are shared, where both surfaces end and fold back (local)."""
+    j, turns = turns_at_shared(slave, master)
+    wrong = np.flatnonzero(~(turns < TURN))
+    if slave.dim == 3 and wrong.size:
+        raise SurfaceError(
+            f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
+            f"{format_point(slave.X[j[wrong[0]]])}; expected surfaces of bodies that are not "
+            "joined in the mesh: `fragment` and `removeDuplicateNodes` join them, and cracks in "
+            "space are not supported"
+        )
+    if wrong.size and set(slave.nodes) == set(master.nodes):
+        raise SurfaceError(
+            f"slave and master are the same surface, '{slave.name}': give the other one, or for "
+            "contact of a surface with itself no master, ContactPair(data, slave)"
+        )
+    if wrong.size:
+        reason = (
+            "bodies are joined by nodes that both have, as after `fragment` or "
+            "`removeDuplicateNodes`; the faces of a crack share its tips, where both end, and "
+            "have different nodes everywhere else, as by gmsh's plugin Crack"
+            if np.isnan(turns[wrong]).any()
+            else "they meet at a corner of one body and do not face each other"
+        )
+        raise SurfaceError(
+            f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
+            f"{format_point(slave.X[j[wrong[0]]])}; expected different surfaces that are not "
+            f"joined in the mesh: {reason}"
+        )
+
+
+def turns_at_shared(slave: Any, master: Any) -> tuple[Indices, Array]:
+    """Nodes of the slave that are in both surfaces, and turns of the outline there (local).
+
+    Returns:
+        Their numbers in the slave, shape (k,), and turns to the left [radian], negative at the tip
+        of a crack; nan unless one surface ends where the other begins, shape (k,).
+    """
+    j, l = equal_pairs(slave.nodes, master.nodes)
+    j, l = (k[(j != l) | (slave is not master)] for k in (j, l))
+    turns = np.full(j.size, np.nan)
+    if slave.dim == 3:
+        return j, turns
+    for before, i, after, k in ((slave, j, master, l), (master, l, slave, j)):
+        ends = np.flatnonzero((before.following[i] < 0) & (after.previous[k] < 0))
+        i, k = i[ends], k[ends]
+        start = before.along(i, range(-before.degree, 0))[:, 0]
+        stop = after.along(k, range(after.degree, after.degree + 1))[:, 0]
+        turns[ends] = turn_between(before.X[i] - before.X[start], after.X[stop] - after.X[k])
+    return j, turns
+
+
+def equal_pairs(a: Indices, b: Indices) -> tuple[Indices, Indices]:
+    """All positions with a[j] == b[l], in the order of j and then l, each (k,) (local).
+
+    Numbers may occur several times; no array of all pairs is needed.
+    """
+    order = np.argsort(b, kind="stable")
+    first, stop = (np.searchsorted(b, a, side, order) for side in ("left", "right"))
+    counts = stop - first
+    before = np.cumsum(counts) - counts
+    at = np.arange(counts.sum()) + np.repeat(first - before, counts)
+    return np.repeat(np.arange(a.size), counts), order[at]
+
+
+def at_tips(slave: Any, master: Any) -> Flags:
+    """Whether a slave node is also one of the other face, at the tip of a crack, (slave nodes,).
+
+    It has no gap, and therefore no multiplier.
+    """
+    j, turns = turns_at_shared(slave, master)
+    found = np.zeros(slave.num_nodes, bool)
+    found[j[turns < TURN]] = True
+    return found
+
+
+def substitutes_of(slave: Any, *, at_vertices: bool) -> tuple[Indices, Indices]:
+    """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
+    if slave.dim == 3:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    alone, step = np.flatnonzero(slave.weightless), slave.degree if at_vertices else 1
+    before, after = slave.along(alone, range(-step, step + 1, 2 * step)).T
+    return alone, np.where(after >= 0, after, before)

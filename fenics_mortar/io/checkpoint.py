@@ -26,9 +26,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import place_of
+from fenics_mortar.contact.interface import Reference, place_of
 from fenics_mortar.contact.interface_fields import INDEPENDENT
-from fenics_mortar.contact.law_calls import instant_arrays, restore_instant
+from fenics_mortar.contact.law_calls import Instant
 from fenics_mortar.io.paraview import check_problem
 from fenics_mortar.mesh.space import mesh_by_input_node, set_by_input_node
 from fenics_mortar.utils.arrays import ROUNDING
@@ -92,10 +92,13 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     set_by_input_node(bulk.space, bulk.u, data["nodes"], data["u"])
     for i, contact in enumerate(problem.equations.contacts):
         if isinstance(contact, Contact):
-            of_state = data[f"reference_place{i}"], data[f"multiplier_nodes{i}"]
-            contact.change(reference=contact.evaluation.reference_at(*of_state))
+            nodes, place = data[f"multiplier_nodes{i}"], data[f"reference_place{i}"]
+            kept = None if np.isnan(place).any() else Reference(None, nodes, place)
+            contact.change(reference=kept)
         contact.change(**{name: data[f"{name}{i}"][()] for name in INDEPENDENT})
-        restore_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
+        time, step = data[f"clock{i}"].tolist()
+        memory = dict(zip(contact.accepted_instant.memory, data[f"memory{i}"], strict=True))
+        contact.change(accepted_instant=Instant.of(time, step, memory), load_time=time)
     if bulk.inertia is not None:
         bulk.inertia.restore_data(data, bulk.values)
     here = problem.state()
@@ -129,8 +132,10 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
         kept["reference_place"] = place_of(contact.state.reference, contact.obstacle)
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
-        names, data[f"clock{i}"], data[f"memory{i}"] = instant_arrays(contact)
-        data[f"memorized{i}"] = np.array(names, str)
+        instant, count = contact.accepted_instant, contact.slave.num_nodes
+        data[f"memorized{i}"] = np.array(list(instant.memory), str)
+        data[f"clock{i}"] = np.array([instant.time, instant.step])
+        data[f"memory{i}"] = np.array(list(instant.memory.values()), float).reshape(-1, count)
     return data
 
 

@@ -264,7 +264,7 @@ class CondensedSystem(LinearSystem):
         i, j, v = i[:end], j[:end], v[:end]
         for (contact, z_dofs), Z in zip(self.numbered(), inverses, strict=True):
             if contact.fluxes:
-                blocks = renumbered(contact.flux_blocks(), z_dofs, -Z)
+                blocks = renumbered((flux.by_multipliers() for flux in contact.fluxes), z_dofs, -Z)
                 more = flatten(self._rows.renumbered(blocks))
                 i, j, v = map(np.append, (i, j, v), more)
         return i, j, v

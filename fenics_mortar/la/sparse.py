@@ -9,25 +9,35 @@ that an elimination order serves many matrices. In space these were most of the 
 million of 11,000 unknowns; on two ranks, making the pattern took half of a solve with 53,000
 unknowns, and a third of the memory. There the rows of contact of the present state are summed
 and added to those of the bodies, as a new matrix.
+
+**Bordered systems.** A few unknowns q in addition to those of a large, factored system A:
+
+    A x + C q = b
+    G x + E q = c
+
+Block elimination needs a solve with A for each column of C, and a small dense system for q. The
+transposed system has the same form, with the rows of G as columns.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, Self
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.node_blocks import CSR, from_local_csr, local_csr
 from fenics_mortar.interface.mortar import Block, entries_of
 from fenics_mortar.kernels.blocks import add_rows, pack_product, pack_rows, sum_rows
-from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Indices
+from fenics_mortar.utils.arrays import SUM_ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.compat import POINTER, petsc_function
+from fenics_mortar.utils.errors import MortarError, raise_together
 
 _set_pattern = petsc_function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
 _set_values = petsc_function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
@@ -325,3 +335,75 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     K.mult(x, Kx)
     K.mult(y, Ky)
     return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())
+
+
+class Border(NamedTuple):
+    """C, G and E for m additional unknowns and n owned unknowns of A.
+
+    Attributes:
+        columns: C transposed, shape (m, n).
+        rows: G, shape (m, n).
+        corner: E, shape (m, m), equal on all ranks.
+    """
+
+    columns: Array
+    rows: Array
+    corner: Array
+
+    @classmethod
+    def empty(cls, system: Any, count: int) -> Self:
+        """A border of zeros for ``count`` unknowns of a ``LinearSystem`` (local)."""
+        columns, rows = np.zeros((2, count, system.bulk.num_owned + system.num_z_dofs))
+        return cls(columns, rows, np.zeros((count, count)))
+
+    @property
+    def transposed(self) -> Self:
+        """The border of the transposed system."""
+        return type(self)(self.rows, self.columns, self.corner.T)
+
+    def scaled(self, units: Array) -> Self:
+        """The border for unknowns q / ``units`` and equations times ``units`` (m,)."""
+        each = units[:, None]
+        return type(self)(each * self.columns, each * self.rows, each * self.corner * units)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Border]) -> Self:
+        """The border of the unknowns of all parts."""
+        columns, rows, corners = zip(*parts, strict=True)
+        return cls(np.vstack(columns), np.vstack(rows), block_diag(*corners))
+
+    def restricted_to(self, some: Flags) -> Self:
+        """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""
+        return type(self)(self.columns[some], self.rows[some], self.corner[np.ix_(some, some)])
+
+
+def solve_bordered(
+    solve: Callable[[Array], Array], border: Border, x: Array, c: Array, comm: MPI.Comm
+) -> tuple[Array, Array]:
+    """Solve a bordered system (collective).
+
+    Args:
+        solve: Solves A x = b; takes and returns owned values, shape (n,) (collective).
+        border: C, G and E.
+        x: Solution of A x = b without the border, owned values, shape (n,).
+        c: Right-hand side of the m additional equations, shape (m,), replicated.
+        comm: Communicator.
+
+    Returns:
+        x, shape (n,), and q, shape (m,), equal on all ranks [units of the system].
+
+    Raises:
+        MortarError: On all ranks, if A or the small dense system is singular.
+    """
+    if not c.size:
+        return x, np.zeros(0)
+    solutions = np.array([solve(column) for column in border.columns])
+    products = comm.allreduce(border.rows @ np.vstack([x, solutions]).T)
+    q, error = np.empty_like(c), None
+    try:
+        q = np.linalg.solve(border.corner - products[:, 1:], c - products[:, 0])
+    except np.linalg.LinAlgError as singular:
+        error = MortarError(f"the balance of the driven motions is singular: {singular}")
+    raise_together(comm, error)
+    comm.Bcast(q)
+    return x - q @ solutions, q

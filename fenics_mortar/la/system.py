@@ -206,14 +206,10 @@ class LinearSystem(ABC):
                 blocks += flux.derivative()
         return blocks
 
-    def scale(self, contact: Interface) -> Array:
-        """z_j / zeta_j, shape (slave nodes, c) [stress / length]."""
-        return contact.components.scale
-
     def force_blocks(self) -> Iterable[Block]:
         """Blocks of B^T for zeta; columns are numbers of multipliers' components."""
         for contact, z_dofs in self.numbered():
-            yield from renumbered(contact.load_blocks(), z_dofs, self.scale(contact))
+            yield from renumbered(contact.load_blocks(), z_dofs, contact.components.scale)
 
     def law_blocks(
         self, pair_rows: Sequence[Rows], numbers: Sequence[Indices] | None = None
@@ -241,7 +237,7 @@ class LinearSystem(ABC):
         for (contact, z_dofs), own in zip(self.numbered(), pair_rows, strict=True):
             mine = contact.slave.owned
             dofs = z_dofs[mine]
-            yield Block(dofs, dofs, own.A_z[mine] * self.scale(contact)[mine, None])
+            yield Block(dofs, dofs, own.A_z[mine] * contact.components.scale[mine, None])
 
     # Assembly
 
@@ -417,7 +413,7 @@ class SaddleSystem(LinearSystem):
             bounds = K.getOwnershipRanges()
             self.matrix = with_rows(K, summed_rows(self.comm, bounds, [rows]))
         K.destroy()
-        self._scales = self.collect(self.scale(c) for c in self.contacts)
+        self._scales = self.collect(c.components.scale for c in self.contacts)
         self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
 
     def _fill(self, K: PETSc.Mat) -> None:

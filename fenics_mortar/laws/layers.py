@@ -16,10 +16,10 @@ from fenics_mortar.contact.law import (
     Law,
     Nodal,
     Row,
+    check_entries,
     check_positive,
     magnitude,
     row_of,
-    varies,
 )
 from fenics_mortar.utils.errors import check_number
 
@@ -97,8 +97,7 @@ class SoftLayer(Coulomb):
         """Check stiffness, exponent and coefficient."""
         super().check()
         check_positive(self, "k")
-        if not varies(self.m):
-            check_number("m", self.m, "an exponent of at least 1", lambda m: 1.0 <= m < np.inf)
+        check_entries("m", self.m, "an exponent of at least 1", lambda m: 1.0 <= m < np.inf)
 
     def closing_gap(self, node: Nodal) -> Row:
         """Excess of the pressure over that of the overlap, as a length; z_n = 0 at open nodes."""
@@ -160,7 +159,8 @@ class MixedCohesive(Law):
 
     The traction is k(m) (gap, slip), with the secant stiffness of a bilinear law at the largest
     jump m = max |(gap, slip)| so far: k up to strength / k, then softening to zero at ``reach``.
-    The energy of a bond broken in any mode is strength * reach / 2.
+    The energy of a bond broken in any mode is strength * reach / 2. In space the slip is the vector
+    of the slip of all steps, which turns with the slave.
 
     Args:
         stiffness: Stiffness k of the undamaged bond [stress / length].
@@ -174,6 +174,7 @@ class MixedCohesive(Law):
     """
 
     memory = ("jump", "slid")  # largest jump, at least strength / stiffness; slip so far
+    summed_slip = "slid"
     parameters = ("stiffness", "strength", "reach")
     bridges_gap = True
 

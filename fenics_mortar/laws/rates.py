@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -106,9 +107,7 @@ class RateAndState(Law):
     def theta(self, node: Nodal) -> Any:
         """State at the end of the step [time]."""
         x = magnitude(node.slip) / self.L
-        nonzero = np.where(x == 0.0, 1.0, x)
-        aged = np.where(x == 0.0, 1.0, -np.expm1(-x) / nonzero)
-        return node.memory["theta"] * np.exp(-x) + node.step * aged
+        return node.memory["theta"] * np.exp(-x) + node.step * mean_decay(x)
 
     def friction(self, node: Nodal, slip: Any) -> Any:
         """Shear at a slip in the present state [stress]."""
@@ -149,3 +148,18 @@ class RateAndState(Law):
     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
         """The state; see ``Law.remember``."""
         return {"theta": self.theta(node)}
+
+
+# Below this argument, (1 - exp(-x)) / x is summed as a series of nine terms, whose error is 3e-16:
+# its slope by complex step would lose all digits of the quotient, down to none at zero [1].
+SMALL = 0.1
+
+
+def mean_decay(x: Any) -> Any:
+    """Mean (1 - exp(-x)) / x of exp(-t) over 0 < t < x, analytic for x >= 0, 1 at zero (local)."""
+    small = np.real(x) < SMALL
+    series = np.polynomial.polynomial.polyval(
+        np.where(small, -x, 0.0), [1.0 / math.factorial(k + 1) for k in range(9)]
+    )
+    large = np.where(small, 1.0, x)
+    return np.where(small, series, -np.expm1(-large) / large)

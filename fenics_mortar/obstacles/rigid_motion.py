@@ -491,10 +491,6 @@ class RigidMotion:
                 )
         return [(i, check_finite(AXES[i], value)) for i, value in given]
 
-    def scales(self, arm: float) -> Array:
-        """Motions per component of the place for a length ``arm``, shape (m,) [1, length]."""
-        return np.append(np.ones(self.dim), np.full(self.place.size - self.dim, arm))
-
     @property
     def turn(self) -> Array:
         """The angle of the place, shape (1,), in space the rotation vector, (3,) [radian]."""
@@ -532,8 +528,11 @@ class RigidMotion:
 
 
 @contextmanager
-def at_place(motion: RigidMotion, place: Array) -> Iterator[None]:
-    """Context in which an obstacle or a remote load is at another place, shape (m,) (local)."""
+def at_place(motion: RigidMotion | None, place: Array) -> Iterator[None]:
+    """Context in which an obstacle, if there is one, is at another place, shape (m,) (local)."""
+    if motion is None:
+        yield
+        return
     present, motion.place = motion.place, place.copy()
     try:
         yield

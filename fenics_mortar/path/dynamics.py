@@ -253,9 +253,8 @@ class Dynamics:
 
     def _refuse_driven_motions(self) -> None:
         motions = self.problem.equations.motions
-        driven = motions.driven.any(axis=1)
-        names = [o.name for o, pushed in zip(motions.movers, driven, strict=True) if pushed]
-        if names and driven[: len(motions.obstacles)].any():
+        names = [mover.motion.name for mover in motions.movers if mover.driven.any()]
+        if motions.driven_obstacles.any():
             raise MortarError(
                 f"obstacle '{names[0]}' is driven by forces, but has no mass: prescribe its motion "
                 "by move, or mesh it"
@@ -281,10 +280,8 @@ class Dynamics:
         """Marks of dofs at rigid boundaries that forces drive, shape (local dofs,), bool."""
         bulk = self.problem.equations.bulk
         marks = np.zeros(bulk.u.x.array.size, bool)
-        remote: list[Any] = list(self.problem.equations.motions.remote)
-        for load in remote:
-            if load in bulk.bcs:
-                marks |= load.driven_dofs()
+        for load in self.problem.equations.motions.boundaries:
+            marks |= load.driven_dofs()
         return marks
 
     # Many steps

@@ -23,6 +23,7 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import needing_time
+from fenics_mortar.contact.law import Frictionless
 from fenics_mortar.equations.predictor import loads_of
 from fenics_mortar.obstacles.rigid_motion import motion_between
 from fenics_mortar.utils.arrays import TINY, Array
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from fenics_mortar.newton.loop import NewtonReport
     from fenics_mortar.problem import ContactProblem
 
-Forces = tuple[Array, Array, Array, Array, Array]
+Forces = tuple[Array, Array, Array, Array, Array, Array]
 
 
 class Work(NamedTuple):
@@ -49,6 +50,8 @@ class Work(NamedTuple):
             of the motions of their nodes and obstacles.
         friction: Energy that the laws dissipate, see ``PairView.friction_work``; the sum of all
             pairs.
+        layers: Work that normal forces of the laws take: adhesion as gaps open, soft layers as they
+            are compressed, wear as it proceeds.
     """
 
     bulk: float
@@ -57,16 +60,17 @@ class Work(NamedTuple):
     shear: float = 0.0
     largest: float = 0.0
     friction: float = 0.0
+    layers: float = 0.0
 
     @property
     def pressure(self) -> float:
-        """Work of the pressures [stress length^2].
+        """Work of the pressures without that of ``layers`` [stress length^2].
 
         Pressures on closed gaps do no work: this is energy added by the discretization. It vanishes
         with the size of facets and steps, but slowly below a sliding corner, where the pressure is
         unbounded.
         """
-        return self.contact - self.shear
+        return self.contact - self.shear - self.layers
 
     @property
     def imbalance(self) -> float:
@@ -93,12 +97,34 @@ def forces_of(problem: ContactProblem) -> Forces:
     Returns:
         Owned dofs of the bulk residual, of contact forces, forces and moments on obstacles,
         tangential contact forces and tangential forces and moments on obstacles [stress length,
-        moments stress length^2].
+        moments stress length^2], and of all pairs the rows of ``_layers``.
     """
-    residual, motions = problem.equations.residual, problem.equations.motions
+    equations = problem.equations
+    residual, motions = equations.residual, equations.motions
     on_obstacles = motions.obstacle_forces("shear")
     on_obstacles = on_obstacles * motions.scales[: len(on_obstacles)]
-    return *problem.forces(), residual.contact_force("shear"), on_obstacles
+    layers = np.concatenate([np.empty((4, 0)), *map(_layers, equations.contacts)], axis=1)
+    return *problem.forces(), residual.contact_force("shear"), on_obstacles, layers
+
+
+def _layers(contact: Any) -> Array:
+    """Normal forces and adhesion at the slave nodes, and the lengths along which they do work.
+
+    The gap that contact closes, and the layer's thickness, the mean gap without it; nan at nodes
+    that are not covered, and no nodes where the law has neither layer nor adhesion; (4, nodes).
+    """
+    law, f = getattr(contact.pair, "law", Frictionless()), contact.now
+    if not (law.has_closing_gap or law.has_adhesion):
+        return np.empty((4, 0))
+    w, closing = f.operators.weight, np.where(f.covered, f.nodal.gap, np.nan)
+    return np.array([w * f.z_n, w * f.pull.residual, closing, f.mean_gap - closing])
+
+
+def _work_of_layers(before: Array, after: Array) -> float:
+    """Work that the normal forces of laws take between two results of ``_layers``."""
+    pressure, pull = 0.5 * (before[:2] + after[:2])
+    opening, thickening = after[2:] - before[2:]
+    return float(np.nansum(pull * opening - pressure * thickening))
 
 
 def work_of(
@@ -113,13 +139,13 @@ def work_of(
         before: Forces at the start of the step, see ``forces_of``.
         after: Forces at the end of the step.
     """
-    means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    means = (0.5 * (a + b) for a, b in zip(before[:-1], after[:-1], strict=True))
     r, contact, on_obstacles, shear, shear_on_obstacles = means
     equations, du = problem.equations, (end.u - start.u)[: r.size]
     prescribed, dofs = equations.bulk.prescribed_dofs, equations.bulk.space.owned_dofs
     supports = (r + contact)[prescribed] @ du[prescribed]
     sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
-    work = np.array([r @ du, supports, contact @ du, shear @ du, sizes, 0.0])
+    work = np.array([r @ du, supports, contact @ du, shear @ du, sizes, 0.0, 0.0])
     work = equations.comm.allreduce(work)
     places = zip(start.places[: len(on_obstacles)], end.places, strict=False)
     moved = np.reshape([motion_between(*ends, 1.0) for ends in places], on_obstacles.shape)
@@ -127,6 +153,7 @@ def work_of(
     work[3] += (shear_on_obstacles * moved).sum()
     work[4] += np.abs(on_obstacles * moved).sum()
     work[5] = sum(pair.now.friction_work for pair in equations.contacts)
+    work[6] = _work_of_layers(before[-1], after[-1])
     return Work(*map(float, work))
 
 

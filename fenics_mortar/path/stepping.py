@@ -51,7 +51,6 @@ from fenics_mortar.path.report import (
 )
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.proximal import RIGID
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import EPSILON, HALF_FACET, ROUNDING, Array, Indices, norms
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -193,7 +192,7 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
     equations = problem.equations
     states = dict(zip(map(id, equations.contacts), before.interfaces, strict=True))
     for body in equations.floating.settling.moved:
-        pairs = equations.floating.contacts_of(body)
+        pairs = body.contacts
         loaded = [c for c in pairs if c.pair.law.has_friction and states[id(c)].z.any()]
         if not loaded or any(c.active.any() and not states[id(c)].z.any() for c in pairs):
             continue
@@ -205,7 +204,7 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
         if farthest > RIGID.overlap:
             return (
                 "no contact forces at the nodes balance the loads on "
-                f"{equations.floating.name_of(body.label)}, which friction supported before: it "
+                f"{body.name}, which friction supported before: it "
                 f"slid by {farthest:.2f} facets in one step, and its rest depends on inertia; "
                 f"finer facets may support more"
             )
@@ -288,18 +287,15 @@ def loads_of_step(
             relative to the other one; obstacles turn by known angles.
         Exception: Any error of the function, also at times within the step.
     """
-    bulk, outline = problem.equations.bulk, problem.equations.crossings.outline
     led = problem.equations.crossings.led
 
     def moved(time: float) -> Array:
         set_loads(time)
-        values = bulk.values.copy()
-        compat.set_prescribed(values, bulk.bcs)
-        return outline.positions(values)
+        return led.prescribed_positions()
 
     if led.may_turn:
         times = [*(start + fraction * (stop - start) for fraction in WITHIN), stop]
-        knots = [outline.positions(bulk.values), *map(moved, times)]
+        knots = [led.positions(), *map(moved, times)]
         turns = [led.turns(*ends) for ends in pairwise(knots)]
         for sides in sorted(led.sides):
             _refuse_turns(problem, sides, turns)

@@ -175,25 +175,21 @@ def first_acceleration(problem: ContactProblem, inertia: Inertia) -> Array:
         inertia: Mass and velocity.
     """
     bulk, comm = problem.equations.bulk, problem.equations.comm
-    remote: list[Any] = list(problem.equations.motions.remote)
+    motions = problem.equations.motions
     forces, contact, _ = problem.forces()
-    total = forces + contact - sum(load.pushed_nodes() for load in remote if load not in bulk.bcs)
+    total = forces + contact - sum(section.pushed_nodes() for section in motions.sections)
     w = inertia.acceleration_of(-total, bulk.prescribed)
-    driven = [
-        (load, np.isfinite(load.motion.load))
-        for load in remote
-        if load in bulk.bcs and np.isfinite(load.motion.load).any()
-    ]
+    driven = [load for load in motions.boundaries if load.driven.any()]
     if not driven:
         return w
-    turning = [load.centripetal(inertia.velocity.x.array) for load, _ in driven]
-    w = w + _followed(inertia, bulk, sum(turning))
-    V = np.concatenate([load.nodal_motions()[on] for load, on in driven])
+    turning = np.sum([load.centripetal(inertia.velocity.x.array) for load in driven], axis=0)
+    w = w + _followed(inertia, bulk, turning)
+    V = np.concatenate([load.nodal_motions()[load.driven] for load in driven])
     fields = [_followed(inertia, bulk, motion) for motion in V]
     of_motions = [inertia.times_mass(field) for field in fields]
     at_present = inertia.times_mass(w) + inertia.carried(total)
     products = sum_over_ranks(comm, V @ np.column_stack([*of_motions, at_present]))
-    push = np.concatenate([load.push()[on] for load, on in driven])
+    push = np.concatenate([load.push()[load.driven] for load in driven])
     a = np.linalg.solve(products[:, :-1], push - products[:, -1])
     return w + np.tensordot(a, np.array(fields), axes=1)
 

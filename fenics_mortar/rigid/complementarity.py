@@ -34,6 +34,26 @@ a complementarity problem of the rates. If it has no solution, there is no equil
 accepted state (Klarbring 1990).
 
 The vector closest to another one that satisfies linear inequalities: a move without overlaps.
+
+Limit analysis by linear programming: whether contact can support rigid bodies.
+
+Loads with resultants w on the rigid motions v of all bodies are in equilibrium with contact forces
+that the law admits if and only if they do no work on any motion that these forces cannot resist
+(kinematic theorem, Charnes, Lemke & Zienkiewicz 1959). With the opening rate g_j and the slip rate
+u_j of each touching node, and admissible forces p_j >= -a_j, |s_j| <= s_j0 + mu_j (p_j + a_j),
+
+    maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
+
+If the maximum is positive, the bodies move. If it is zero, contact may support them; the condition
+is necessary but not sufficient, since Coulomb's law is not associated: gaps do not open by as much
+as g_j >= mu_j |u_j| requires. The solution of the contact problem then decides.
+
+In space u_j is a vector. With k directions e_i around the normal, the largest e_i . u_j is at most
+|u_j|, and at least cos(pi / k) |u_j|: shears in the polygon with the corners e_i are admissible,
+and all admissible ones are in the polygon around the circle, larger by 1 / cos(pi / k). Bodies that
+shears in the inner polygons can support are supported, those that shears in the outer ones cannot
+support move. If neither is the case, k is doubled; at last, with loads within 0.5 % of the limit
+load, contact may support them.
 """
 
 from __future__ import annotations
@@ -44,12 +64,26 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
+from scipy.sparse import coo_array, csr_array, hstack
 
+from fenics_mortar.contact.rows import largest_adhesion, strength
 from fenics_mortar.rigid.proximal import RIGID
-from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import (
+    MAX_STEPS,
+    SOLVED,
+    SUM_ROUNDING,
+    Array,
+    Flags,
+    Indices,
+)
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
+
+
+# Numbers of directions of slip in space, tried in turn [1]: with 32 the limit loads of inner and
+# outer polygon differ by 0.5 %, as the error of the discretization.
+DIRECTIONS = (8, 16, 32)
 
 
 class FrictionProblem(NamedTuple):
@@ -120,7 +154,7 @@ def sets_of(problem: FrictionProblem, M: Array, q: Array, basic: Flags) -> Sets 
         z = np.where(basic, np.linalg.solve(np.where(basic, -M, np.eye(len(M))), q), 0.0)
     except LinAlgError:
         return None
-    branch, z_tau = np.zeros(n, np.int64), np.zeros(n)
+    branch, z_tau = np.ones(n, np.int64), np.zeros(n)  # nodes without friction slide
     plus, minus, slides = basic[n:].reshape(3, m)
     branch[rough] = np.where(slides & (plus != minus), np.where(plus, 1, -1), 0)
     z_tau[rough] = z[n : n + m] - z[n + m : n + 2 * m]
@@ -202,7 +236,8 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Tu
         return TurningPoint(0.0, -1)
     random = np.random.default_rng(0).uniform(1.0, 2.0, q.size)
     shift = np.where(basic, 0.0, random * w_zero) - M @ np.where(basic, random * z_zero, 0.0)
-    end = _follow(M, w - M @ z + shift, q + shift, basic)
+    unit = change or 1.0  # the parameter has the unit one
+    end = _follow(M, (w - M @ z + shift) / unit, (q + shift) / unit, basic)
     if isinstance(end, TurningPoint):
         nodes = np.append(np.arange(n), np.tile(np.flatnonzero(problem.slope > 0.0), 3))
         return end._replace(node=int(nodes[end.node]) if end.node >= 0 else -1)
@@ -264,7 +299,8 @@ def _follow(
         rounding = SUM_ROUNDING * np.abs(falls).max()
         falling = np.flatnonzero(falls < -rounding)
         falling = falling[falling != at]
-        advances = grows > (rounding if may_return else 0.0)
+        # without another variable that falls s would grow without end: not by rounding
+        advances = grows > (rounding if may_return or not falling.size else 0.0)
         if not advances and not (may_return and falling.size):
             return TurningPoint(float(now), int(columns[column]) % n)
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
@@ -278,6 +314,127 @@ def _follow(
         at = int(np.flatnonzero(rows == s)[0])
         column = int(np.flatnonzero(columns == (left + n) % s)[0])
     return TurningPoint(float(now), -1)
+
+
+class Touching(NamedTuple):
+    """n touching nodes of rigid bodies with m motions.
+
+    Attributes:
+        opening: Opening rate of each motion, shape (n, m) [1].
+        slip: Slip rate of each motion, shape (n, m), in space along two tangents (n, 2, m) [1].
+        slope: Coefficient of friction mu_j, inf for nodes that cannot slip, shape (n,) [1].
+        shear: Friction s_j0 without pressure, shape (n,) [force].
+        adhesion: Largest tensile force a_j, shape (n,) [force].
+    """
+
+    opening: Array
+    slip: Array
+    slope: Array
+    shear: Array
+    adhesion: Array
+
+    @classmethod
+    def of(
+        cls, contact: Contact, on: Flags, opening: Array, slip: Array, pressure: float
+    ) -> Touching:
+        """Some nodes of a contact, with friction at a typical pressure (local).
+
+        Args:
+            contact: The contact.
+            on: The nodes, shape (slave nodes,).
+            opening: See ``Touching``.
+            slip: Likewise.
+            pressure: The pressure [stress].
+        """
+        slope, shear = strength(contact.now, pressure)
+        forces = contact.operators.weight * [shear, largest_adhesion(contact.now)]
+        return cls(opening, slip, slope[on], *forces[:, on])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Touching]) -> Touching:
+        """The nodes of all parts (local)."""
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def unresisted_motion(loads: Array, touching: Touching) -> Array:
+    """Rigid motion with the largest work of the loads that no contact force can resist (local).
+
+    Args:
+        loads: Resultants of the loads along the motions, shape (m,) [force].
+        touching: The touching nodes.
+
+    Returns:
+        Coefficients of the motions, shape (m,), of absolute value at most one [length]; zero if
+        contact may support the bodies.
+
+    Raises:
+        ArithmeticError: If the linear program fails.
+    """
+    size = float(np.abs(loads).sum())
+    if size == 0.0:
+        return np.zeros(loads.size)
+    if touching.slip.ndim == 2:
+        return _largest_work(loads, touching, np.stack([touching.slip, -touching.slip], axis=1))
+    friction = touching.slope.any() or touching.shear.any()
+    motion = np.zeros(loads.size)
+    for count in DIRECTIONS if friction else (1,):
+        angles = 2.0 * np.pi / count * np.arange(count)
+        directions = np.stack([np.cos(angles), np.sin(angles)])
+        slips = np.einsum("ck,jcm->jkm", directions, touching.slip)
+        of_inner = _largest_work(loads, touching, slips)
+        if not (friction and of_inner.any()):
+            return of_inner
+        motion = _largest_work(loads, touching, slips / np.cos(np.pi / count))
+        if motion.any():
+            break
+    return motion
+
+
+def _largest_work(loads: Array, touching: Touching, slips: Array) -> Array:
+    """``unresisted_motion`` with the largest of the ``slips`` (n, k, m) [1] for |u_j|."""
+    size = float(np.abs(loads).sum())
+    work = (loads - touching.adhesion @ touching.opening) / size
+    sticks, bounded = np.isinf(touching.slope), touching.shear > 0.0
+    slope, count = np.where(sticks, 0.0, touching.slope)[:, None], int(bounded.sum())
+    along = np.moveaxis(slips, 1, 0)
+    resisted = [slope * along - touching.opening, along[:, sticks], along[:, bounded]]
+    rates = csr_array(np.concatenate([each.reshape(-1, loads.size) for each in resisted]))
+    rubbing = np.arange(len(along) * count)  # the last rows: slips are at most the |u_j|
+    at = rates.shape[0] - rubbing.size + rubbing, rubbing % count
+    rows = hstack([rates, coo_array((-np.ones(rubbing.size), at), (rates.shape[0], count))])
+    from scipy.optimize import linprog  # imported on first use: the import is slow
+
+    costs = np.concatenate([-work, touching.shear[bounded] / size])
+    bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count
+    found = linprog(
+        costs,
+        A_ub=rows,
+        b_ub=np.zeros(rows.shape[0]),
+        bounds=bounds,
+        method="highs",
+        options={"presolve": False},  # in scipy 1.10 it reports feasible programs as infeasible
+    )
+    if not found.success:
+        raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
+    # SOLVED is above the feasibility tolerance of the linear program, 1e-7
+    return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
+
+
+def nearly_touching(contact: Contact) -> Flags:
+    """Slave nodes whose gap closes in a motion considered as rest, (slave nodes,) (local)."""
+    gap = np.nan_to_num(contact.now.closing_gap, nan=np.inf)
+    near = gap < RIGID.overlap * contact.slave.nodal_lengths
+    return np.asarray(near & contact.multiplier_nodes)
+
+
+def touches(contact: Contact) -> Flags:
+    """Active nodes and, if there are any, open ones that nearly touch, (slave nodes,) (local).
+
+    Open nodes with adhesion do not: their forces are loads.
+    """
+    on = contact.active & ~contact.set_aside
+    near = nearly_touching(contact) & ~contact.z.any(axis=1) & ~contact.set_aside
+    return on | near if on.any() else on
 
 
 def closest_move(

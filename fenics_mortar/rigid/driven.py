@@ -12,8 +12,8 @@ by columns C_q and by a row of balance for each motion,
     E_d du + M_q z + E_q dq = push - f_0,    M_q z = f_q - f_0,
 
 where E are the derivatives of f_q at fixed z, and f_0 is the part of f_q that does not depend on z.
-The few motions are eliminated, see ``spread``, so that the sparse matrix and its solver are those
-of fixed obstacles.
+The few motions are eliminated, see ``la.sparse``, so that the sparse matrix and its solver are
+those of fixed obstacles.
 
 Of obstacles, C_q is in the rows of the contact law, and f_0 = 0. D does not depend on q, so the
 rows of the bodies have no entries in the new columns. Of rigid boundaries, C_q is in the rows of
@@ -31,7 +31,6 @@ fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,27 +38,25 @@ from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.bodies import describe_motion
 from fenics_mortar.contact.rows import gap_by_motions
+from fenics_mortar.la.sparse import Border, solve_bordered
 from fenics_mortar.obstacles.rigid_motion import (
     TURNS,
-    RigidMotion,
     by_further_motion,
-    describe_load,
-    describe_place,
     motion_between,
-    place_after,
 )
-from fenics_mortar.rigid.body_motions import Touching, touches, unresisted_motion
-from fenics_mortar.rigid.complementarity import closest_move
-from fenics_mortar.rigid.proximal import (
-    RIGID,
-    Carried,
-    Springs,
-    anchored_stiffness,
-    carried_by,
-    tangent_stiffness,
-    unresisted,
+from fenics_mortar.rigid.complementarity import (
+    Touching,
+    closest_move,
+    touches,
+    unresisted_motion,
 )
-from fenics_mortar.rigid.spread import Border, BoundSpreadLoad, solve_bordered
+from fenics_mortar.rigid.proximal import RIGID, AnchoredSprings, unresisted
+from fenics_mortar.rigid.spread import (
+    BoundRigidBoundary,
+    BoundSection,
+    BoundSpreadLoad,
+    Mover,
+)
 from fenics_mortar.utils.arrays import ROUNDING, SUM_ROUNDING, Array, Flags
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import sum_over_ranks
@@ -68,8 +65,8 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.obstacles.obstacle import Obstacle
-    from fenics_mortar.rigid.spread import BoundRigidBoundary, BoundSection
 
 
 def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
@@ -78,7 +75,7 @@ def slip_by_motions(contact: Contact, nodes: Flags) -> Array:
     In space along both tangents, (n, 2, 6). This is not the derivative of the slip of a step, which
     also depends on motions along the normal if the obstacle has turned.
     """
-    o = contact.on_obstacle
+    o = contact.operators
     V = np.moveaxis(o.obstacle.motions(o.x, o.arm), 1, 0)
     return -np.moveaxis(contact.now.along_tangents(V), 0, -1)[nodes]
 
@@ -96,38 +93,151 @@ def _width(contacts: Sequence[Contact]) -> float:
     return float(sum(sizes) ** (1.0 / power))
 
 
-def loose_motions(motions: DrivenMotions) -> list[Array]:
-    """Loose motions of each obstacle, an orthonormal basis (n, motions) [1] each (local)."""
-    found = []
-    for number, driven in enumerate(motions.driven_obstacles):
-        basis = np.eye(driven.size)[driven]
-        closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
-        found.append(
-            unresisted(basis @ np.concatenate([*closing, np.zeros((0, driven.size))]).T) @ basis
-        )
-    return found
-
-
-def tangent_springs(
-    motions: DrivenMotions, residual: Array, stiffness: float, force: float
-) -> Array:
-    """Stiffness of springs on loose motions, in proportion to the driving force (local).
+class BoundObstacle(Mover):
+    """An obstacle in a problem, with its contacts.
 
     Args:
-        motions: The rigid motions.
-        residual: Residual of the balance, shape (m, 3) [stress length].
-        stiffness: Stiffness of the bulk [stress].
-        force: Size of all forces [stress length].
+        obstacle: The obstacle of the user.
+        space: Nodes and dofs of the displacement.
+        contacts: All contacts and ties; those with the obstacle get its arm.
 
-    Returns:
-        Addition to E_q, shape (3 m, 3 m) [stress].
+    Attributes:
+        motion: The obstacle of the user.
+        contacts: Its contacts.
+        arm: Length by which its angles are multiplied [length].
     """
-    total, each = np.zeros((motions.scales.size,) * 2), motions.scales.shape[1]
-    for number, loose in enumerate(loose_motions(motions)):
-        own = slice(each * number, each * (number + 1))
-        relative = tangent_stiffness(loose @ residual[number], force)
-        total[own, own] = stiffness * relative * (loose.T @ loose)
-    return total
+
+    reacts, force_name = -1.0, "contact force"
+
+    def __init__(
+        self, obstacle: Obstacle, space: DisplacementSpace, contacts: Sequence[Any]
+    ) -> None:
+        self.motion, self._space = obstacle, space
+        self.contacts: list[Contact] = [c for c in contacts if c.obstacle is obstacle]
+        self.arm = max(c.arm for c in self.contacts)
+        for contact in self.contacts:
+            contact.set_arm(self.arm)
+
+    # Balance
+
+    def force(self, multipliers: str = "z") -> Array:
+        """f_q of the obstacle, shape (3,) [stress length] (collective).
+
+        Args:
+            multipliers: Multipliers included: all ("z") or their tangential part ("shear").
+        """
+        total = np.zeros(self.motion.place.size)
+        for contact in self.contacts:
+            total += contact.operators.motion_force(getattr(contact, multipliers))
+        return total
+
+    def contact_force(self) -> float:
+        """Integral of |pressure| on the obstacle [stress length]."""
+        return sum(float(c.operators.cover @ np.abs(c.pressure)) for c in self.contacts)
+
+    def linearize(self, system: LinearSystem) -> Border:
+        """Columns of the contact law, rows and corner of the balance (collective)."""
+        columns, rows, corner = border = Border.empty(system, self.motion.place.size)
+        for contact, z_dofs in system.numbered():
+            if contact not in self.contacts:
+                continue
+            E_d, M_q, E_q = contact.operators.motion_force_derivatives(contact.z)
+            acting = M_q * contact.acts[:, None]
+            multipliers = system.bulk.num_owned + system.local(contact, z_dofs)
+            mine = contact.slave.owned
+            columns[:, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
+            rows[:, multipliers] += acting[:, mine]
+            for flux in contact.fluxes:
+                flux.add_by_motions(columns)
+            for row, forces in zip(rows, E_d, strict=True):
+                contact.slave.scatter_add(forces, row)
+            corner += E_q
+        return border
+
+    def loose(self) -> Array:
+        """Motions that forces drive and active contact does not resist, see ``Mover`` (local)."""
+        basis = np.eye(self.driven.size)[self.driven]
+        closing = [gap_by_motions(c.now)[c.active] for c in self.contacts]
+        return unresisted(basis @ np.concatenate(closing).T) @ basis
+
+    def describe(self, motion: Array, *, directed: bool = True) -> str:
+        """Description of a motion (3,) [length]; see ``describe_motion``."""
+        centre = self.motion.pivot + self.motion.place[: self.motion.dim]
+        one = motion / np.linalg.norm(motion)
+        return describe_motion(one, centre, self.arm, directed=directed)
+
+    def at(self, contact: Contact) -> Flags:
+        """Slave nodes of one of its contacts whose force acts on it, (slave nodes,)."""
+        return contact.active
+
+    # Before and after a solve
+
+    def follow(self) -> Array:
+        """Motion that minimizes slip and opening of the sticking nodes, (3,) [length].
+
+        Slip alone would not determine a motion along their normals.
+        """
+        mine, driven, motion = self.contacts, self.driven, np.zeros(self.motion.place.size)
+        slip = np.concatenate([_slip(c)[c.sticking].ravel() for c in mine])
+        along = [slip_by_motions(c, c.sticking).reshape(-1, driven.size) for c in mine]
+        across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
+        rows = np.concatenate([*along, across])[:, driven]
+        sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
+        sizes[sizes == 0.0] = 1.0
+        desired = np.concatenate([-slip, np.zeros(len(across))])
+        found = np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0]
+        motion[driven] = found / sizes
+        return motion
+
+    def next_move(self, least: float) -> Array:
+        """Motion towards contact, (3,) [length]; zero if loaded or not driven, or not longer.
+
+        The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and
+        the push does positive work. The potential of the push is linear; therefore no move is
+        reversed later.
+
+        Args:
+            least: Length of the longest advance that is considered zero [length].
+        """
+        contacts, push = self.contacts, self.push()
+        loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
+        if loaded or not push.any() or self._may_be_held():
+            return np.zeros(push.size)
+        basis = np.eye(push.size)[self.driven]
+        along = (basis @ push) / np.linalg.norm(push)
+        closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
+        move = closest_move(RIGID.largest_move * self.arm * along, closing, contacts, back=-along)
+        return move @ basis if move @ along > least else np.zeros(push.size)
+
+    def _may_be_held(self) -> bool:
+        """Whether friction may hold an obstacle against its push, by limit analysis (local).
+
+        Not where nothing presses: the push closes no touching node, and none overlaps.
+        """
+        driven, pairs = self.driven, [(c, touches(c)) for c in self.contacts]
+        weight = sum(float(c.operators.weight[on].sum()) for c, on in pairs)
+        if weight == 0.0 or not any(c.pair.law.has_friction for c in self.contacts):
+            return False
+        push = self.push()[driven]
+        found, size, presses = [], float(np.linalg.norm(push)), False
+        for c, on in pairs:
+            opens, slips = gap_by_motions(c.now)[:, driven], slip_by_motions(c, on)[..., driven]
+            overlaps = c.now.closing_gap < -ROUNDING * c.slave.nodal_lengths
+            presses |= bool(((opens @ push < -ROUNDING * size) | overlaps)[on].any())
+            found.append(Touching.of(c, on, opens[on], slips, size / weight))
+        return presses and not unresisted_motion(push, Touching.joined(found)).any()
+
+    def slide(self, motion: Array) -> float:
+        """Slide by a motion (3,) [length] over the contact width [1] (local).
+
+        Zero with a node that sticks or has no friction.
+        """
+        slides = np.concatenate([c.sliding[c.active] for c in self.contacts])
+        if not (motion.any() and slides.size and slides.all()):
+            return 0.0
+        slips = [slip_by_motions(c, c.active) @ motion for c in self.contacts]
+        each = np.concatenate([slip.reshape(len(slip), -1) for slip in slips])
+        return float(np.linalg.norm(each, axis=1).min()) / _width(self.contacts)
 
 
 def border_of(motions: DrivenMotions, system: LinearSystem) -> Border:
@@ -137,7 +247,7 @@ def border_of(motions: DrivenMotions, system: LinearSystem) -> Border:
         spread = load.linearize(system)
         coupling = by_spread(motion, spread, system)
         spread.columns[:, system.bulk.prescribed_dofs] = 0.0
-        border = border.joined(spread)
+        border = Border.joined([border, spread])
         border.corner[: len(coupling), -len(spread.corner) :] = coupling
     return border
 
@@ -154,33 +264,11 @@ def linearize_balance(motions: DrivenMotions, system: LinearSystem) -> Border:
     """C_q, [E_d, M_q] and E_q of all motions, driven or not (collective).
 
     Args:
-        motions: The rigid motions; their ``take_bulk_rows`` was called at this state.
+        motions: The rigid motions; ``take_bulk_rows`` of boundaries was called at this state.
         system: System of displacement and multipliers; columns and rows are its vectors.
     """
-    count, size, each = motions.scales.size, system.bulk.num_owned, motions.scales.shape[1]
-    columns = np.zeros((count, size + system.num_z_dofs))
-    rows, corner = np.zeros_like(columns), np.zeros((count, count))
-    for contact, z_dofs in zip(motions.contacts, system.z_dofs, strict=True):
-        if contact.obstacle is None:
-            continue
-        first = each * motions.obstacles.index(contact.obstacle)
-        own = slice(first, first + each)
-        E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
-        acting = M_q * contact.acts[:, None]
-        multipliers = size + system.local(contact, z_dofs)
-        mine = contact.slave.owned
-        columns[own, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
-        rows[own, multipliers] += acting[:, mine]
-        for flux in contact.fluxes:
-            flux.add_by_motions(columns[own])
-        for row, forces in zip(rows[own], E_d, strict=True):
-            contact.slave.scatter_add(forces, row)
-        corner[own, own] += E_q
-    for number, load in enumerate(motions.remote, len(motions.obstacles)):
-        own = slice(each * number, each * (number + 1))
-        border = load.linearize(system)
-        columns[own], rows[own], corner[own, own] = border.columns, border.rows, border.corner
-    return Border(columns, rows, corner)
+    borders = (mover.linearize(system) for mover in motions.movers)
+    return Border.joined([Border.empty(system, 0), *borders])
 
 
 class DrivenMotions:
@@ -192,52 +280,50 @@ class DrivenMotions:
         remote: The remote loads, bound to the mesh.
 
     Attributes:
-        contacts: The contacts and ties.
         obstacles: Obstacles of the contacts, without duplicates.
-        remote: The remote loads with motions.
+        boundaries, sections: The rigid boundaries, and the sections under pretension.
+        remote: Both of them, the remote loads with motions.
         spread: Those that are spread over boundaries free to deform.
-        movers: All objects with a place: the m obstacles and remote loads.
+        on_contacts: The obstacles with their contacts.
+        movers: All with a place: the m obstacles and remote loads.
         exist: Whether there are movers or spread loads.
-        pairs: Contacts with an obstacle, with the number of the obstacle.
+        shortest_facet: Of all pairs with obstacles, 1 if there are none [length].
         scales: Motions per (x, y, angle), shape (m, 3), in space (m, 6) [1, length].
-        springs: Anchored springs on obstacles, or ``None``; their anchors are places.
+        springs: Anchored springs, set by these.
     """
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Any], remote: Sequence[Any] = ()) -> None:
-        self.contacts = contacts
+    springs: AnchoredSprings
+
+    def __init__(self, bulk: Bulk, contacts: Sequence[Any], remote: Sequence[Any]) -> None:
         self.spread = [load for load in remote if isinstance(load, BoundSpreadLoad)]
-        self.remote: list[BoundSection | BoundRigidBoundary] = [
-            load for load in remote if load not in self.spread
-        ]
+        self.boundaries = [load for load in remote if isinstance(load, BoundRigidBoundary)]
+        self.sections = [load for load in remote if isinstance(load, BoundSection)]
+        self.remote: list[BoundRigidBoundary | BoundSection] = [*self.boundaries, *self.sections]
         found = [c.obstacle for c in contacts if c.obstacle is not None]
         self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
-        self.pairs: list[tuple[int, Contact]] = [
-            (self.obstacles.index(c.obstacle), c) for c in contacts if c.obstacle is not None
-        ]
-        self.movers: list[RigidMotion] = [*self.obstacles, *(load.motion for load in self.remote)]
+        self.on_contacts = [BoundObstacle(each, bulk.space, contacts) for each in self.obstacles]
+        self.movers: list[Mover] = [*self.on_contacts, *self.remote]
         self.exist = bool(self.movers or self.spread)
+        self.shortest_facet = min(
+            (float(c.slave.facet_sizes.min()) for o in self.on_contacts for c in o.contacts),
+            default=1.0,
+        )
         self._dim, self._size = bulk.space.dim, len(TURNS[bulk.space.dim]) + bulk.space.dim
-        arms = [max(c.arm for c in self.contacts_of(i)) for i in range(len(self.obstacles))]
-        for number, contact in self.pairs:
-            contact.set_arm(arms[number])
-        arms += [load.arm for load in self.remote]
-        self.scales: Array = np.ones((len(self.movers), self._size))
-        self.scales[:, self._dim :] = np.reshape(arms, (-1, 1))
+        self.scales: Array = self._of_all(lambda mover: mover.scales)
         bulk.spread = self.spread
-        for load in self.remote:
+        for load in self.boundaries:
             load.bind_forces(bulk, contacts)
-        self.springs: Springs | None = None
         self._start = self.places
 
     @property
     def places(self) -> Array:
         """Places (x, y, angle) of all movers, shape (m, 3) [length, length, radian]."""
-        return self._of_all("place")
+        return self._of_all(lambda mover: mover.motion.place)
 
     @places.setter
     def places(self, places: Array) -> None:
         for mover, where in zip(self.movers, places, strict=True):
-            mover.place = where.copy()
+            mover.motion.place = where.copy()
 
     @property
     def obstacle_places(self) -> Array:
@@ -252,8 +338,8 @@ class DrivenMotions:
 
     def move(self, change: Array) -> None:
         """Add ``change`` to the motions, shape (m, 3) [length] (local)."""
-        for mover, motion, scale in zip(self.movers, change, self.scales, strict=True):
-            mover.place = place_after(mover.place, motion, scale[-1])
+        for mover, motion in zip(self.movers, change, strict=True):
+            mover.move(motion)
 
     def of_obstacle(self, contact: Any, change: Array) -> Array:
         """Those of ``change`` [length] that move a contact's obstacle, (3,), or (0,) (local)."""
@@ -264,11 +350,6 @@ class DrivenMotions:
     def largest(self) -> float:
         """Largest motion since the movers were created [length]."""
         return float(np.abs(self.places * self.scales).max(initial=0.0))
-
-    @property
-    def are_unknown(self) -> bool:
-        """Whether the tangent has a border: driven motions or spread loads (local)."""
-        return bool(self.spread) or bool(self.driven.any())
 
     @property
     def unknowns(self) -> Flags:
@@ -282,7 +363,7 @@ class DrivenMotions:
     @property
     def driven(self) -> Flags:
         """Whether forces drive a motion, shape (m, 3), bool."""
-        return np.isfinite(self._of_all("load"))
+        return np.isfinite(self._of_all(lambda mover: mover.motion.load))
 
     @property
     def found(self) -> Flags:
@@ -301,7 +382,7 @@ class DrivenMotions:
 
     def push(self) -> Array:
         """Loads of all obstacles and remote loads; 0 where prescribed, (m, 3) [stress length]."""
-        return np.nan_to_num(self._of_all("load")) / self.scales
+        return self._of_all(lambda mover: mover.push())
 
     def pushed_nodes(self) -> Array | float:
         """Pushes on rigid boundaries as forces on their nodes, (owned dofs,) [stress length].
@@ -312,7 +393,7 @@ class DrivenMotions:
 
     def forces(self) -> Array:
         """f_q of all motions, rows as of ``places``, (m, 3) [stress length] (collective)."""
-        return np.vstack([self.obstacle_forces(), *(load.force() for load in self.remote)])
+        return self._of_all(lambda mover: mover.force())
 
     def obstacle_forces(self, multipliers: str = "z") -> Array:
         """f_q of the obstacles alone, shape (obstacles, 3) [stress length] (collective).
@@ -320,51 +401,26 @@ class DrivenMotions:
         Args:
             multipliers: Multipliers included: all ("z") or their tangential part ("shear").
         """
-        total = np.zeros((len(self.obstacles), self._size))
-        for number, contact in self.pairs:
-            total[number] += contact.on_obstacle.motion_force(getattr(contact, multipliers))
-        return total
-
-    def contact_forces(self) -> Array:
-        """Integral of |pressure| on each obstacle, shape (obstacles,) [stress length]."""
-        total = np.zeros(len(self.obstacles))
-        for number, contact in self.pairs:
-            total[number] += contact.operators.cover @ np.abs(contact.pressure)
-        return total
+        found = [each.force(multipliers) for each in self.on_contacts]
+        return np.reshape(found, (-1, self._size))
 
     def record(self) -> list[str]:
         """Set the ``reaction`` of each mover; return a sentence for each (collective)."""
-        lines, thicknesses = [], [contact.slave.thickness for _, contact in self.pairs]
-        # of revolution: radial forces and moments vanish around the axis
-        is_axial = any(t is not None and t.by_x != 0.0 for t in thicknesses)
-        forces = -self.obstacle_forces() * self.scales[: len(self.obstacles)]
-        for obstacle, force in zip(self.obstacles, forces, strict=True):
-            obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-            load = describe_load(force, "contact force", is_axial=is_axial)
-            lines.append(f"obstacle '{obstacle.name}'{describe_place(obstacle.place)}: {load}")
-        lines += [load.record() for load in self.remote]
-        return lines + [load.record() for load in self.spread]
+        found = [mover.record() for mover in self.movers]
+        return found + [load.record() for load in self.spread]
 
-    def contacts_of(self, number: int) -> list[Contact]:
-        """The contacts of one obstacle."""
-        return [contact for i, contact in self.pairs if i == number]
-
-    def shortest_facet(self) -> float:
-        """Shortest slave facet of all pairs with obstacles, 1 if there are none [length]."""
-        return min((float(c.slave.facet_sizes.min()) for _, c in self.pairs), default=1.0)
-
-    def _of_all(self, name: str) -> Array:
-        """An attribute of all movers, shape (m, 3)."""
-        return np.array([getattr(mover, name) for mover in self.movers]).reshape(-1, self._size)
+    def _of_all(self, values: Callable[[Mover], Array]) -> Array:
+        """Values of all movers, shape (m, 3)."""
+        return np.reshape([values(mover) for mover in self.movers], (-1, self._size))
 
     def residual(self) -> Array:
         """f_q plus springs minus push, else 0, (m, 3) [stress length] (collective)."""
-        return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
+        return np.where(self.driven, self.forces() + self.springs.on_motions() - self.push(), 0.0)
 
     def solve(
         self, x: Array, system: LinearSystem, stiffness: float, force: float
     ) -> tuple[Array, Array]:
-        """Solve for displacements, multipliers and motions if these ``are_unknown`` (collective).
+        """Solve for displacements, multipliers and motions, if there are ``unknowns`` (collective).
 
         Args:
             x: Solution of the system without motions, see ``LinearSystem.step``.
@@ -379,9 +435,8 @@ class DrivenMotions:
         border, count = border_of(self, system), self.scales.size
         border.corner[:count, :count] += self._stiffness_of_springs(stiffness, force)
         border = border.restricted_to(self.unknowns)
-        push, c = self.push() - self._spring_forces(), np.zeros(len(border.corner))
-        for on_mover, load in zip(push[len(self.obstacles) :], self.remote, strict=True):
-            on_mover -= load.constant_force()
+        push, c = self.push() - self.springs.on_motions(), np.zeros(len(border.corner))
+        push -= self._of_all(lambda mover: mover.constant_force())
         c[: driven.sum()] = push[driven]
         x, found = solve_bordered(system.solve, border, x, c, system.comm)
         motion[driven] = found[: driven.sum()]
@@ -389,89 +444,34 @@ class DrivenMotions:
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
         """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
-        if self.springs is not None:
-            strain = self.motions_since(self.springs.anchor)
+        anchored = self.springs.present
+        if anchored is not None:
+            strain = self.motions_since(anchored.places)
             by_motions = block_diag(*map(by_further_motion, strain, self.scales[:, -1]))
-            return self.springs.stiffness.reshape(-1, 1) * by_motions
-        return tangent_springs(self, self.residual(), stiffness, force)
+            return anchored.of_motions.reshape(-1, 1) * by_motions
+        pairs = zip(self.movers, self.residual(), strict=True)
+        return block_diag(*(mover.tangent_spring(r, stiffness, force) for mover, r in pairs))
 
-    def describe(self, force: float) -> str:
-        """Description of loose motions driven by forces; "" if there are none (collective).
+    def describe(self, force: float) -> list[str]:
+        """Descriptions of loose motions driven by forces (collective).
 
         Args:
             force: Size of all forces [stress length].
         """
-        found, residual = [], self.residual()
-        for number, loose in enumerate(loose_motions(self)):
-            drive = loose @ residual[number]
+        found = []
+        for obstacle, residual in zip(self.on_contacts, self.residual(), strict=False):
+            loose = obstacle.loose()
+            drive = loose @ residual
             if np.linalg.norm(drive) > SUM_ROUNDING * force:
-                how = self._describe(number, drive @ loose)
-                found.append(f"obstacle '{self.obstacles[number].name}' can {how}")
-        return ", ".join(found)
-
-    def _describe(self, number: int, motion: Array) -> str:
-        """Description of a motion (3,) [length] of an obstacle."""
-        obstacle, arm = self.obstacles[number], self.scales[number, -1]
-        centre = obstacle.pivot + obstacle.place[: self._dim]
-        return describe_motion(motion / np.linalg.norm(motion), centre, arm)
-
-    # Springs, see ``proximal``
-
-    def anchor(self, elongation: float, stiffness: float, share: float) -> None:
-        """Anchor driven motions at their present values by springs (collective).
-
-        Args:
-            elongation: Elongation of the springs under the resultant on the obstacle, or under the
-                ``share`` of the error of its contact forces if larger [shortest facets].
-            stiffness: Stiffness of the bulk [stress].
-            share: See ``elongation`` [1].
-        """
-        drives, length = self.residual(), elongation * self.shortest_facet()
-        springs = np.zeros(self.scales.shape)
-        for number, contact in enumerate(self.contact_forces()):
-            drive, err = float(np.linalg.norm(drives[number])), share * RIGID.negligible * contact
-            spring = anchored_stiffness(drive, err, length, stiffness)
-            springs[number, self.driven[number]] = spring
-        self.springs = Springs(springs, self.places)
-
-    def max_motion(self) -> float:
-        """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
-        if self.springs is None:
-            return 0.0
-        strain = np.where(self.driven, self.motions_since(self.springs.anchor), 0.0)
-        moves = np.linalg.norm(strain[: len(self.obstacles)], axis=1)
-        return float(moves.max(initial=0.0)) / self.shortest_facet()
-
-    def carried_by_springs(self) -> list[Carried]:
-        """Forces of the springs on each anchored obstacle."""
-        if self.springs is None:
-            return []
-        forces, contact = self._spring_forces(), self.contact_forces()
-        return [
-            carried_by(
-                float(np.linalg.norm(forces[i])),
-                contact[i],
-                f"obstacle '{self.obstacles[i].name}'",
-                [(c, c.active) for c in self.contacts_of(i)],
-                partial(self._describe, i, forces[i]),
-            )
-            for i in np.flatnonzero(self.driven_obstacles.any(axis=1))
-        ]
-
-    def _spring_forces(self) -> Array:
-        """Forces of the anchored springs, zero without, (m, 3) [stress length]."""
-        if self.springs is None:
-            return np.zeros(self.scales.shape)
-        return self.springs.stiffness * self.motions_since(self.springs.anchor)
+                found.append(f"{obstacle.name} can {obstacle.describe(drive @ loose)}")
+        return found
 
     # Before and after a solve
 
     def follow(self, evaluate: Callable[[], object]) -> None:
         """Move driven obstacles with prescribed motions, such that nodes stick (collective).
 
-        Without these moves all nodes would slide by an undetermined distance. A move minimizes slip
-        and opening of the sticking nodes; slip alone would not determine a motion along their
-        normals. Remote loads stay.
+        Without these moves all nodes would slide by an undetermined distance. Remote loads stay.
 
         Args:
             evaluate: Function that evaluates the operators at the present state, not the active
@@ -480,19 +480,8 @@ class DrivenMotions:
         if not self.driven_obstacles.any():
             return
         evaluate()
-        moves = np.zeros(self.scales.shape)
-        for number, driven in enumerate(self.driven_obstacles):
-            mine = self.contacts_of(number)
-            slip = np.concatenate([_slip(c)[c.sticking].ravel() for c in mine])
-            along = [slip_by_motions(c, c.sticking).reshape(-1, driven.size) for c in mine]
-            across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
-            rows = np.concatenate([*along, across])[:, driven]
-            sizes = np.linalg.norm(rows, axis=0)  # units of turn and translation differ
-            sizes[sizes == 0.0] = 1.0
-            desired = np.concatenate([-slip, np.zeros(len(across))])
-            found = np.linalg.lstsq(rows / sizes, desired, rcond=RIGID.followed)[0]
-            moves[number, driven] = found / sizes
-        self.move(moves)
+        for obstacle, motion in [(each, each.follow()) for each in self.on_contacts]:
+            obstacle.move(motion)
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
         """Move driven obstacles without contact force until contact stops them (collective).
@@ -509,82 +498,28 @@ class DrivenMotions:
         self._start = self.places
         if not self.driven_obstacles.any():
             return []
-        moved = dict[str, None]()
+        moved, least = dict[str, None](), RIGID.sliver * self.shortest_facet
         for _ in range(RIGID.max_moves):
             evaluate()
-            moves = np.zeros(self.scales.shape)
-            for i in range(len(self.obstacles)):
-                moves[i] = self._next_move(i)
-            moving = np.flatnonzero(moves.any(axis=1))
-            if not moving.size:
+            moves = [(each, each.next_move(least)) for each in self.on_contacts]
+            moves = [(obstacle, move) for obstacle, move in moves if move.any()]
+            if not moves:
                 self._start = self.places
                 return [f"{name} was moved until contact stopped it" for name in moved]
-            moved |= dict.fromkeys(f"obstacle '{self.obstacles[i].name}'" for i in moving)
-            self.move(moves)
-        free = moving[0]
-        name, how = self.obstacles[free].name, self._describe(free, moves[free])
+            for obstacle, move in moves:
+                obstacle.move(move)
+                moved[obstacle.name] = None
+        free, move = moves[0]
         raise MortarError(
-            f"obstacle '{name}' can {how} freely: its push drives it, and no contact stops it; "
-            "prescribe that motion by move()"
+            f"{free.name} can {free.describe(move)} freely: its push drives it, and no contact "
+            "stops it; prescribe that motion by move()"
         )
-
-    def _next_move(self, number: int) -> Array:
-        """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
-
-        The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and
-        the push does positive work. The potential of the push is linear; therefore no move is
-        reversed later.
-        """
-        contacts = self.contacts_of(number)
-        driven, push = self.driven[number], self.push()[number]
-        loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
-        if loaded or not push.any() or self._may_be_held(number):
-            return np.zeros(push.size)
-        basis = np.eye(push.size)[driven]
-        along = (basis @ push) / np.linalg.norm(push)
-        closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
-        desired = RIGID.largest_move * contacts[0].arm * along
-        move = closest_move(desired, closing, contacts, back=-along)
-        if move @ along > RIGID.sliver * self.shortest_facet():
-            return move @ basis
-        return np.zeros(push.size)
-
-    def _may_be_held(self, number: int) -> bool:
-        """Whether friction may hold an obstacle against its push, by limit analysis (local).
-
-        Not where nothing presses: the push closes no touching node, and none overlaps.
-        """
-        contacts, driven = self.contacts_of(number), self.driven[number]
-        pairs = [(c, touches(c)) for c in contacts]
-        weight = sum(float(c.operators.weight[on].sum()) for c, on in pairs)
-        if weight == 0.0 or not any(c.pair.law.has_friction for c in contacts):
-            return False
-        push = self.push()[number, driven]
-        found, size, presses = [], float(np.linalg.norm(push)), False
-        for c, on in pairs:
-            slope, shear = c.now.strength(size / weight)
-            opens, slips = gap_by_motions(c.now)[on], slip_by_motions(c, on)
-            overlaps = c.now.closing_gap < -ROUNDING * c.slave.nodal_lengths
-            presses |= bool(
-                (opens[:, driven] @ push < -ROUNDING * size).any() or overlaps[on].any()
-            )
-            forces = c.operators.weight * [shear, c.now.largest_adhesion()]
-            found.append((opens[:, driven], slips[..., driven], slope[on], *forces[:, on]))
-        touching = Touching(*map(np.concatenate, zip(*found, strict=True)))
-        return presses and not unresisted_motion(push, touching).any()
 
     def slide_along_driven(self) -> float:
         """Largest slide of obstacles along driven motions, over their contact width [1] (local).
 
         In the last solve; zero for obstacles with a node that sticks or has no friction.
         """
-        found = np.where(self.driven, self.motions_since(self._start), 0.0)
-        widths = [0.0]
-        for number, motion in enumerate(found[: len(self.obstacles)]):
-            mine = self.contacts_of(number)
-            slides = np.concatenate([c.sliding[c.active] for c in mine])
-            if motion.any() and slides.size and slides.all():
-                slips = [slip_by_motions(c, c.active) @ motion for c in mine]
-                each = np.concatenate([slip.reshape(len(slip), -1) for slip in slips])
-                widths.append(float(np.linalg.norm(each, axis=1).min()) / _width(mine))
-        return max(widths)
+        motions = np.where(self.driven, self.motions_since(self._start), 0.0)
+        pairs = zip(self.on_contacts, motions, strict=False)
+        return max((obstacle.slide(motion) for obstacle, motion in pairs), default=0.0)

@@ -11,42 +11,38 @@ Rigid moves of floating bodies before a solve, and a check after it; all collect
 A body that is driven by its loads and not supported by active contact is moved rigidly until
 contact stops it. Each move is the closest one to the direction of the resultant for which no node
 overlaps by more than ``RIGID.overlap``: a quadratic program in the few rigid motions. Bodies that
-contact may support are determined by limit analysis, see ``body_motions``.
+contact may support are determined by limit analysis, see ``complementarity``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.law import STICK, Friction
 from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.rigid.body_motions import (
     BodyMotions,
-    Touching,
+    BoundBody,
     by_body,
     closing,
+    names_of,
     opening,
     slipping,
+)
+from fenics_mortar.rigid.complementarity import (
+    Touching,
+    closest_move,
+    nearest_below,
     touches,
     unresisted_motion,
 )
-from fenics_mortar.rigid.complementarity import closest_move, nearest_below
-from fenics_mortar.rigid.proximal import (
-    RIGID,
-    Carried,
-    Springs,
-    anchored_stiffness,
-    carried_by,
-    tangent_stiffness,
-)
+from fenics_mortar.rigid.proximal import RIGID, AnchoredSprings, tangent_stiffness
 from fenics_mortar.utils.arrays import SOLVED, Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
 
@@ -54,11 +50,12 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.rigid.driven import DrivenMotions
 
 # Coefficient of friction that holds every body that does not tip over or fall [1].
 ROUGH = 100.0
 # Bodies to be moved, with the coefficients of their motions, (motions,) each [length].
-Moves = list[tuple[FloatingBody, Array]]
+Moves = list[tuple[BoundBody, Array]]
 
 
 @dataclass
@@ -66,16 +63,16 @@ class Settling:
     """What moved in ``settle``, and from where.
 
     Attributes:
-        unloaded: Bodies without contact force before.
+        unloaded: Labels of bodies without contact force before.
         start: Displacement after the moves, shape (local dofs,) [length].
         touched: Active sets of the contacts before.
         moved: Bodies that were moved.
     """
 
-    unloaded: list[FloatingBody]
+    unloaded: set[int]
     start: Array
     touched: list[Flags] = field(default_factory=list)
-    moved: list[FloatingBody] = field(default_factory=list)
+    moved: list[BoundBody] = field(default_factory=list)
 
 
 def settle(
@@ -98,7 +95,7 @@ def settle(
     Raises:
         NotConvergedError: On all ranks, if no contact stops a body.
     """
-    unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
+    unloaded = {body.label for body in bodies.bodies if not body.is_loaded()}
     bodies.settling = Settling(unloaded, bodies.bulk.values.copy())
     if not bodies.bodies:
         return []
@@ -112,8 +109,10 @@ def settle(
         moves = give_way(_next_moves(bodies, *forces, begun=number > 0))
         moves = [(body, move) for body, move in moves if np.linalg.norm(move) > shortest]
         untold = {body.label for body, _ in moves} - begins.keys()
-        begins |= _beginnings(bodies, untold, forces[0], may_tip=number == 0)
-        longest = max((_length(body, move) for body, move in moves), default=0.0)
+        for label, begin in _beginnings(bodies, untold, forces[0], may_tip=number == 0).items():
+            met = f", after it was moved by about {moved.get(label, 0.0):.2g}"
+            begins[label] = f"{begin}{met * (label in moved)}. At last "
+        longest = max((float(np.linalg.norm(move)) for _, move in moves), default=0.0)
         creeping = creeping + 1 if RIGID.overlap * longest <= shortest else 0
         if not moves or creeping > RIGID.max_creeping:
             bodies.settling.start = bodies.bulk.values.copy()
@@ -122,15 +121,16 @@ def settle(
             stopped = "was moved rigidly until contact stopped it"
             return [f"{name} {stopped}, by about {way:.2g}" for name, way in ways]
         for body, move in moves:
-            bodies.move(body, move)
-            moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
+            body.move(move)
+            moved[body.label] = moved.get(body.label, 0.0) + float(np.linalg.norm(move))
         if all(moved[body.label] > extent for body, _ in moves) and _part(bodies, moves):
             break
     body, move = moves[0]
-    name, how = bodies.name_of(body.label), body.describe(move, directed=True)
+    name, how = body.name, body.describe(move, directed=True)
     message = (
         f"{begins.get(body.label, '')}{name} can {how} freely: it is driven by loads, and "
-        f"neither Dirichlet conditions nor contact stop it"
+        "neither Dirichlet conditions nor contact stop it: support it, prescribe its motion, or "
+        "compute the motion with Dynamics"
     )
     raise NotConvergedError(message, NewtonReport(reason=message))
 
@@ -155,7 +155,7 @@ def _beginnings(
         return {}
     touching, closes = [(c, touches(c)) for c in bodies.contacts], dict[int, Array]()
     for body in (body for body in bodies.bodies if body.label in labels):
-        at_body = [closing(bodies, c, body)[:, bodies.at_body(c, body) & on] for c, on in touching]
+        at_body = [closing(c, body)[:, body.at(c) & on] for c, on in touching]
         if any(rates.size for rates in at_body):
             closes[body.label] = np.hstack(at_body)
     if not closes:
@@ -176,8 +176,7 @@ def _beginnings(
             motion, what, is_told = tip, "tips over, which no friction can prevent", may_tip
         if is_told:
             how = body.describe(motion, directed=True, poles=True)
-            name = bodies.name_of(body.label)
-            begins[body.label] = f"{name} {what}: it begins to {how}. At last "
+            begins[body.label] = f"{body.name} {what}: it begins to {how}"
     return begins
 
 
@@ -194,39 +193,39 @@ def check_settled(bodies: FloatingBodies, reach: float) -> list[str]:
     Raises:
         MortarError: On all ranks, if a body was pushed and no surface is ahead of it.
     """
-    notes = []
-    for body in bodies.settling.unloaded:
-        change = (bodies.bulk.u.x.array - bodies.settling.start)[: bodies.bulk.num_owned]
-        motion = bodies.rigid_fraction(body, change)
-        distance, idle = float(np.linalg.norm(motion)), body.label in bodies.aside
-        is_at_rest = distance <= SOLVED * body.size or (idle and distance <= reach)
-        if is_at_rest or bodies.is_loaded(body):
-            continue
-        name = bodies.name_of(body.label)
-        rates = [motion @ closing(bodies, contact, body) for contact in bodies.contacts]
-        if not any((rate > RIGID.resisted * distance).any() for rate in rates):
-            raise MortarError(
-                f"{name} can {body.describe(motion, directed=True)} freely: contact pushed it "
-                f"away, and its Dirichlet conditions do not fix it"
-            )
-        notes.append(f"{name} was pushed along by contact without a force")
-    return notes + _released(bodies)
+    settling, bulk = bodies.settling, bodies.bulk
+    change = (bulk.values - settling.start)[: bulk.num_owned]
+    notes = [
+        _pushed(body, change, reach) if body.label in settling.unloaded else _released(body, change)
+        for body in bodies.bodies
+        if not body.is_loaded()
+    ]
+    return [note for note in notes if note]
 
 
-def _released(bodies: FloatingBodies) -> list[str]:
-    """A sentence for each body that has lost all contact in the solve (collective)."""
-    before = {body.label for body in bodies.settling.unloaded}
-    change, notes = (bodies.bulk.u.x.array - bodies.settling.start)[: bodies.bulk.num_owned], []
-    for body in bodies.bodies:
-        if body.label in before or bodies.is_loaded(body):
-            continue
-        moved = np.linalg.norm(change[bodies.motions(body)[0]], axis=1).max(initial=0.0)
-        largest = bodies.bulk.comm.allreduce(float(moved), MPI.MAX)
-        notes.append(
-            f"{bodies.name_of(body.label)} has lost all contact, and no force holds it: "
-            f"it moved by up to {largest:.3g} in this solve"
+def _pushed(body: BoundBody, change: Array, reach: float) -> str:
+    """A sentence on a body that had no force and was pushed; "" if it is at rest (collective)."""
+    motion = body.rigid_fraction(change)
+    distance, idle = float(np.linalg.norm(motion)), body.label in body.among.aside
+    if distance <= max(SOLVED * body.size, reach * idle):
+        return ""
+    rates = [motion @ closing(contact, body) for contact in body.among.contacts]
+    if not any((rate > RIGID.resisted * distance).any() for rate in rates):
+        raise MortarError(
+            f"{body.name} can {body.describe(motion, directed=True)} freely: contact pushed it "
+            f"away, and its Dirichlet conditions do not fix it"
         )
-    return notes
+    return f"{body.name} was pushed along by contact without a force"
+
+
+def _released(body: BoundBody, change: Array) -> str:
+    """A sentence on a body that has lost all contact in the solve (collective)."""
+    moved = float(np.linalg.norm(change[body.dofs], axis=1).max(initial=0.0))
+    largest = body.among.bulk.comm.allreduce(moved, MPI.MAX)
+    return (
+        f"{body.name} has lost all contact, and no force holds it: "
+        f"it moved by up to {largest:.3g} in this solve"
+    )
 
 
 def _next_moves(bodies: FloatingBodies, bulk: Array, contact: Array, *, begun: bool) -> Moves:
@@ -236,9 +235,7 @@ def _next_moves(bodies: FloatingBodies, bulk: Array, contact: Array, *, begun: b
         return []
     desired = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
     some = [body for body, _ in driven]
-    rates = [
-        np.where(c.set_aside[:, None], 0.0, closing(bodies, c, *some).T) for c in bodies.contacts
-    ]
+    rates = [np.where(c.set_aside[:, None], 0.0, closing(c, *some).T) for c in bodies.contacts]
     move = closest_move(desired, rates, bodies.contacts)
     return list(zip(some, by_body(some, move), strict=True))
 
@@ -252,7 +249,7 @@ def _driven(bodies: FloatingBodies, bulk: Array, contact: Array, *, begun: bool)
     they have moved or carried any force.
     """
     total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
-    unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
+    unloaded = [body for body in bodies.bodies if not body.is_loaded()]
     labels = {body.label for body in unloaded}
     reached = _reached_by_loads(bodies, bulk, float(sizes.sum()))
     loose = [body for body in bodies.loose(sticking=False) if body.label in reached - labels]
@@ -282,7 +279,7 @@ def _reached_by_loads(bodies: FloatingBodies, bulk: Array, size: float) -> set[i
     groups = []
     reached = bodies.driven_by(bulk, size)
     for contact in bodies.contacts:
-        at = {body.label for body in bodies.bodies if bodies.at_body(contact, body).any()}
+        at = {body.label for body in bodies.bodies if body.at(contact).any()}
         obstacle = contact.obstacle
         driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
         reached |= at if driven or contact.pair.law.has_adhesion else set()
@@ -292,13 +289,13 @@ def _reached_by_loads(bodies: FloatingBodies, bulk: Array, size: float) -> set[i
     return reached
 
 
-def _drive(bodies: FloatingBodies, body: FloatingBody, total: Array, sizes: Array) -> Array:
+def _drive(bodies: FloatingBodies, body: BoundBody, total: Array, sizes: Array) -> Array:
     """Unit direction of the resultant on a body; zero if the resultant is negligible."""
     min_drive = RIGID.negligible if bodies.anchored else SOLVED
-    drive = bodies.resultant(body, total)
-    mine = float(sizes[bodies.dofs_of(body)].sum())
+    drive = body.resultant(total)
+    mine = float(sizes[body.dofs].sum())
     size, force = bodies.bulk.comm.allreduce(np.array([mine, sizes.sum()]))
-    least = max(min_drive * size, bodies.rounding(body, float(force)))
+    least = max(min_drive * size, body.rounding(float(force)))
     norm = float(np.linalg.norm(drive))
     return drive / norm if norm > least else np.zeros(len(drive))
 
@@ -312,20 +309,31 @@ def unsupported(bodies: FloatingBodies, bulk: Array) -> set[int]:
     """
     if not bodies.contacts:
         return {body.label for body in bodies.bodies}
-    moves = by_body(bodies.bodies, unresisted_motion(*_limit_analysis(bodies, bulk)))
+    return {body.label for body, _ in moved_by_loads(bodies, *_limit_analysis(bodies, bulk))}
+
+
+def moved_by_loads(bodies: BodyMotions, loads: Array, touching: Touching) -> Moves:
+    """Bodies that no contact forces at touching nodes support, with motions (local).
+
+    Args:
+        bodies: The floating bodies.
+        loads: Resultants of the loads along their motions, (motions of all,) [force].
+        touching: The nodes.
+    """
+    moves = by_body(bodies.bodies, unresisted_motion(loads, touching))
     moved = zip(bodies.bodies, moves, strict=True)
-    return {body.label for body, move in moved if np.abs(move).max() > RIGID.resisted}
+    return [(body, move) for body, move in moved if np.abs(move).max() > RIGID.resisted]
 
 
 def _limit_analysis(bodies: FloatingBodies, bulk: Array) -> tuple[Array, Touching]:
     """Resultants of the loads on the bodies, (motions of all,) [force], and touching nodes."""
     forces = bulk + _pull_of_open_nodes(bodies, bulk.size)
-    loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
+    loads = np.concatenate([body.resultant(forces) for body in bodies.bodies])
     size = float(np.abs(loads).sum())
     weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
     pressure = size / weight if weight > 0.0 else 0.0
     pairs = [_touching(bodies, contact, pressure) for contact in bodies.contacts]
-    return loads, Touching(*map(np.concatenate, zip(*pairs, strict=True)))
+    return loads, Touching.joined(pairs)
 
 
 def _pull_of_open_nodes(bodies: FloatingBodies, size: int) -> Array:
@@ -340,27 +348,19 @@ def _pull_of_open_nodes(bodies: FloatingBodies, size: int) -> Array:
 
 def _touching(bodies: FloatingBodies, contact: Contact, pressure: float) -> Touching:
     """Touching nodes for limit analysis, with friction at a typical pressure."""
-    on, weight = touches(contact), contact.operators.weight
+    on = touches(contact)
     opens, slips = (
-        np.moveaxis(rate(bodies, contact, *bodies.bodies), 0, -1)[on]
-        for rate in (opening, slipping)
+        np.moveaxis(rate(contact, *bodies.bodies), 0, -1)[on] for rate in (opening, slipping)
     )
-    (slope, shear), adhesion = contact.now.strength(pressure), contact.now.largest_adhesion()
-    return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
+    return Touching.of(contact, on, opens, slips, pressure)
 
 
 def _part(bodies: FloatingBodies, moves: Moves) -> bool:
     """Whether bodies that move together approach no surface, nor one another (collective)."""
-    longest = RIGID.resisted * max(_length(body, move) for body, move in moves)
+    longest = RIGID.resisted * max(float(np.linalg.norm(move)) for _, move in moves)
     some, lengths = zip(*moves, strict=True)
-    rates = [
-        (np.concatenate(lengths) @ closing(bodies, c, *some))[~c.set_aside] for c in bodies.contacts
-    ]
+    rates = [(np.concatenate(lengths) @ closing(c, *some))[~c.set_aside] for c in bodies.contacts]
     return not any((rate > longest).any() for rate in rates)
-
-
-def _length(body: FloatingBody, move: Array) -> float:
-    return float(np.linalg.norm(move @ body.motions))
 
 
 class FloatingBodies(BodyMotions):
@@ -369,24 +369,25 @@ class FloatingBodies(BodyMotions):
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
-        remote: The remote loads with motions, bound to the mesh.
+        motions: The motions of obstacles and remote loads.
 
     Attributes:
-        springs: Anchored springs at the owned dofs, or ``None``.
+        springs: Anchored springs, set by these.
         settling: Rigid moves before a solve.
     """
 
+    springs: AnchoredSprings
+
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], remote: Sequence[Any]
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], motions: DrivenMotions
     ) -> None:
-        super().__init__(bulk, contacts, remote)
-        self.springs: Springs | None = None
-        self.settling = Settling([], bulk.values)
+        super().__init__(bulk, contacts, motions)
+        self.settling = Settling(set(), bulk.values)
 
     @property
     def supported_by_contact(self) -> bool:
         """Whether active contact loads and supports all floating bodies."""
-        return all(map(self.is_loaded, self.bodies)) and not self.loose()
+        return all(body.is_loaded() for body in self.bodies) and not self.loose()
 
     # Before and after a solve
 
@@ -404,7 +405,7 @@ class FloatingBodies(BodyMotions):
 
     # Springs in the tangent
 
-    def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
+    def add_springs(self, loose: Sequence[BoundBody], total: Array, force: float) -> None:
         """Add springs to the diagonal of ``K`` that limit a step to elastic strains.
 
         Bodies that are not loose have weak springs: nodes may resist each motion but not all
@@ -415,16 +416,18 @@ class FloatingBodies(BodyMotions):
             total: Sum of all forces, shape (owned dofs,) [stress length].
             force: Size of all forces [stress length].
         """
-        stiffness = {body.label: RIGID.weakest_spring * body.stiffest for body in self.bodies}
+        stiffness = np.zeros(self.num_bodies)
+        for body in self.bodies:
+            stiffness[body.label] = RIGID.weakest_spring * body.stiffest
         for body in loose:
-            drive = self.resultant(body, total)
-            if np.linalg.norm(drive) > self.rounding(body, force):
+            drive = body.resultant(total)
+            if np.linalg.norm(drive) > body.rounding(force):
                 stiffness[body.label] = tangent_stiffness(drive, force) * body.stiffest
-        springs = self._spread(stiffness) if self.springs is None else self.springs.stiffness
-        self.bulk.add_to_diagonal(springs)
+        anchored = self.springs.present
+        self.bulk.add_to_diagonal(self.spread(anchored.of_bodies if anchored else stiffness))
 
     def drop_undriven(
-        self, loose: Sequence[FloatingBody], step: Array, motion: Array, total: Array, force: float
+        self, loose: Sequence[BoundBody], step: Array, motion: Array, total: Array, force: float
     ) -> None:
         """Remove from a step the loose motions of idle bodies, and those driven by roundoff only.
 
@@ -439,119 +442,48 @@ class FloatingBodies(BodyMotions):
             idle = body.label in self.aside
             if self.anchored and not idle:
                 continue
-            drive = float(np.linalg.norm(self.resultant(body, total)))
-            if idle or drive <= self.rounding(body, force):
-                dofs, motions = self.motions(body)
-                excess = self.rigid_fraction(body, step)
-                step[dofs] -= (excess @ motions).reshape(dofs.shape)
-                self.held.subtract(body, excess, motion)
+            drive = float(np.linalg.norm(body.resultant(total)))
+            if idle or drive <= body.rounding(force):
+                body.subtract(body.rigid_fraction(step), step, motion)
 
-    def remark(self, loose: Sequence[FloatingBody]) -> str:
+    def remark(self, loose: Sequence[BoundBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
         sides = [side for c in self.contacts for side in (c.slave, c.master)]
         paired = set[int]().union(*(self.labels_of(side).tolist() for side in sides))
-        names = self.names([body for body in loose if body.label in paired - self.aside])
+        names = names_of([body for body in loose if body.label in paired - self.aside])
         return (
             f"a spring in the tangent regularizes {names}, which contact supports only in part"
             if names
             else ""
         )
 
-    # Anchored springs, see ``proximal``
-
-    def anchor(self, total: Array, elongation: float, share: float) -> None:
-        """Anchor the bodies at their present positions by springs.
-
-        Args:
-            total: Sum of all forces, shape (owned dofs,) [stress length].
-            elongation: Elongation of the springs under the resultant on the body, or under the
-                ``share`` of the error of its contact forces if larger [shortest facets].
-            share: See ``elongation`` [1].
-        """
-        length = elongation * self.shortest_facet()
-        stiffness = {
-            body.label: anchored_stiffness(
-                float(np.linalg.norm(self.resultant(body, total))),
-                share * RIGID.normals_err * self.contact_force(body),
-                length,
-                body.stiffest,
-            )
-            for body in self.bodies
-        }
-        self.springs = Springs(self._spread(stiffness), self._place())
-
     @property
     def anchored(self) -> bool:
-        """Whether there are anchored springs."""
-        return self.springs is not None
-
-    @property
-    def acting_springs(self) -> Springs | None:
-        """The anchored springs without those of idle bodies, which only regularize the tangent."""
-        if self.springs is None or not self.aside:
-            return self.springs
-        stiffness = self.springs.stiffness.copy()
-        for body in self.bodies:
-            if body.label in self.aside:
-                stiffness[self.dofs_of(body)] = 0.0
-        return self.springs.replaced(stiffness=stiffness)
+        """Whether there are anchored springs, see ``proximal``."""
+        return self.springs.present is not None
 
     def add_spring_forces(self) -> None:
         """Add the forces of anchored springs to the residual."""
-        if self.anchored:
-            self.bulk.r.array[: self.bulk.num_owned] += self._spring_forces()
-
-    def carried_by_springs(self) -> list[Carried]:
-        """Forces of the springs on each anchored body."""
-        if not self.anchored:
-            return []
-        forces, found = self._spring_forces(), []
-        contact = [self.contact_force(body) for body in self.bodies]
-        for body, on_body in zip(self.bodies, contact, strict=True):
-            by_springs = -self.resultant(body, forces)  # along the motion
-            size = float(np.linalg.norm(by_springs))
-            acts = size > self.rounding(body, sum(contact))
-            nodes = [(c, self.at_body(c, body)) for c in self.contacts]
-            how = partial(body.describe, by_springs, directed=True)
-            name = self.name_of(body.label)
-            found.append(carried_by(size if acts else 0.0, on_body, name, nodes, how))
-        return found
+        self.bulk.r.array[: self.bulk.num_owned] += self.springs.on_bodies()
 
     def pressed_on_springs(self) -> set[int]:
         """Labels of bodies that contact presses against their anchored springs, and nothing else.
 
         Bodies between two others carry much larger contact forces than their springs do.
         """
-        if not self.anchored:
-            return set()
         return {
             body.label
-            for body, carried in zip(self.bodies, self.carried_by_springs(), strict=True)
+            for body, carried in zip(self.bodies, self.springs.carried(), strict=False)
             if RIGID.one_sided < carried.fraction < np.inf
         }
 
-    def _spring_forces(self) -> Array:
-        """Forces of the acting springs, (owned dofs,) [stress length]."""
-        springs = self.acting_springs
-        assert springs is not None
-        return springs.stiffness * (self._place() - springs.anchor)
+    def spread(self, stiffness: Array) -> Array:
+        """Stiffness of springs at the owned dofs (owned dofs,) [stress] from that of each body.
 
-    def max_motion(self) -> float:
-        """Largest rigid motion of a body since ``anchor`` [shortest facets]."""
-        if self.springs is None:
-            return 0.0
-        change = self._place() - self.springs.anchor
-        bodies = [body for body in self.bodies if body.label not in self.aside]
-        moves = [np.linalg.norm(self.rigid_fraction(body, change)) for body in bodies]
-        return float(max(moves, default=0.0)) / self.shortest_facet()
-
-    def _place(self) -> Array:
-        """Displacement of the owned dofs [length]."""
-        return self.bulk.u.x.array[: self.bulk.num_owned]
-
-    def _spread(self, stiffness: dict[int, float]) -> Array:
-        """Stiffness of springs at the owned dofs (owned dofs,) [stress] from that of each body."""
+        Args:
+            stiffness: Of bodies by their labels, shape (bodies,) [stress].
+        """
         springs = np.zeros(self.bulk.num_owned)
         for body in self.bodies:
-            springs[self.dofs_of(body)] = stiffness[body.label] / body.num_nodes
+            springs[body.dofs] = stiffness[body.label] / body.num_nodes
         return springs

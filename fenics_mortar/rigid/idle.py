@@ -23,10 +23,18 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import FloatingBody, centre_and_size
+from fenics_mortar.bulk.bodies import centre_and_size
+from fenics_mortar.contact.rows import strength
 from fenics_mortar.obstacles.rigid_motion import rigid_motions
-from fenics_mortar.rigid.body_motions import bonded_motions, by_body, closing, nearly_touching
-from fenics_mortar.rigid.complementarity import nearest_below
+from fenics_mortar.rigid.body_motions import (
+    BoundBody,
+    bonded_motions,
+    by_body,
+    closing,
+    largest_multiplier,
+    names_of,
+)
+from fenics_mortar.rigid.complementarity import nearest_below, nearly_touching
 from fenics_mortar.rigid.floating import unsupported
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array
@@ -49,7 +57,7 @@ class IdleBodies:
     def __init__(self, bodies: FloatingBodies) -> None:
         self._bodies = bodies
         self.were_aside, self._may_be_aside = False, True
-        self._unloaded: list[FloatingBody] = []
+        self._unloaded: list[BoundBody] = []
         self._first: set[int] = set()
         self._readmissions = Counter[int]()
         self._home: Array = bodies.bulk.values
@@ -85,7 +93,7 @@ class IdleBodies:
             for body in bodies.bodies
             if self._may_be_aside and body.label not in self._driven and self._may_be_idle(body)
         ]
-        self._set_aside(body.label for body in self._unloaded if not bodies.is_loaded(body))
+        self._set_aside(body.label for body in self._unloaded if not body.is_loaded())
         if not bodies.aside:
             return bulk, contact
         self._readmit_enclosed()
@@ -101,7 +109,10 @@ class IdleBodies:
         """
         bodies = self._bodies
         self._home, self._first = bodies.bulk.values.copy(), set()
-        self._before = {body.label: bodies.largest_multiplier(body) for body in bodies.bodies}
+        self._before = {
+            body.label: largest_multiplier(c.z[body.at(c)] for c in bodies.contacts)
+            for body in bodies.bodies
+        }
         if not bodies.bodies:
             return
         bulk, _ = self.evaluate(evaluate)
@@ -176,29 +187,28 @@ class IdleBodies:
 
         Neither do contact forces: a gap may be closed without any. Adhesion holds without a force.
         """
-        bodies, found = self._bodies, dict[str, list[FloatingBody]]()
+        bodies, found = self._bodies, dict[str, list[BoundBody]]()
         idle = [
             body
             for body in bodies.bodies
             if body.label not in self._driven
             and not bodies.repeats(body)
-            and not bodies.is_loaded(body, self._before.get(body.label, 0.0))
+            and not body.is_loaded(self._before.get(body.label, 0.0))
         ]
-        for body in bonded_motions(bodies, idle):
+        for body in bonded_motions(idle):
             aside = body.label in bodies.aside
             moved = aside and np.linalg.norm(self._motion(body)) > SOLVED * body.size
             where = "moved out of the way of other bodies" if moved else "left in place"
             found.setdefault(f"{body.describe_all()}: {where}", []).append(body)
         return [
-            f"nothing holds {bodies.names(group)}, and no contact force acts there; free to {how}; "
+            f"nothing holds {names_of(group)}, and no contact force acts there; free to {how}; "
             "if supports or loads were forgotten, check bcs and the residual"
             for how, group in found.items()
         ]
 
     def end(self) -> None:
         """End a solve or an attempt."""
-        bodies = self._bodies
-        bodies.springs = bodies.acting_springs
+        self._bodies.springs.remove_idle()
         self._unloaded, self._first, self._driven = [], set(), set()
         self._set_aside(())
 
@@ -210,7 +220,7 @@ class IdleBodies:
         Args:
             evaluate: Function that evaluates the operators at the present state.
         """
-        bodies, creeping = self._bodies, 0
+        creeping = 0
         self._bring_home()
         while idle := self._idle:
             evaluate()
@@ -229,7 +239,7 @@ class IdleBodies:
                 fraction = min(longest / float(np.abs(move).max()), 1.0)
                 creeping += fraction == 1.0
                 for body, coefficients in zip(idle, by_body(idle, move), strict=True):
-                    bodies.move(body, fraction * coefficients)
+                    body.move(fraction * coefficients)
 
     def _bring_home(self) -> None:
         """Put bodies set aside back that are farther away than one move: Newton steps throw them.
@@ -243,7 +253,7 @@ class IdleBodies:
             if body.label in bodies.aside and is_far:
                 dofs = bulk.space.dofs[bodies.labels == body.label]
                 bulk.u.x.array[dofs] = self._home[dofs]
-                bodies.held.move(body, -motion)
+                body.move_loads(-motion)
 
     def review(self) -> int:
         """Set bodies aside that no contact force acts on any more; return their number.
@@ -257,10 +267,7 @@ class IdleBodies:
             for body in self._unloaded
             if body.label not in bodies.aside
             and self._readmissions[body.label] < RIGID.max_readmissions
-            and (
-                body.label in sprung
-                or not bodies.is_loaded(body, self._before.get(body.label, 0.0))
-            )
+            and (body.label in sprung or not body.is_loaded(self._before.get(body.label, 0.0)))
         }
         if quiet:
             self._set_aside(bodies.aside | quiet)
@@ -278,12 +285,12 @@ class IdleBodies:
                 return
             self._readmit(_moved_by(rates[pressed], idle) or idle)
 
-    def _may_be_idle(self, body: FloatingBody) -> bool:
+    def _may_be_idle(self, body: BoundBody) -> bool:
         """Whether a body has contacts, each with one other and without adhesion and driven force.
 
         A node that faces several bodies would press on idle ones, too.
         """
-        bodies, contacts = self._bodies, self._bodies.contacts_of(body)
+        bodies, contacts = self._bodies, body.contacts
         for contact in contacts:
             law, obstacle = contact.pair.law, contact.obstacle
             driven = obstacle is not None and bool(np.isfinite(obstacle.load).any())
@@ -296,7 +303,7 @@ class IdleBodies:
         return bool(contacts)
 
     @property
-    def _idle(self) -> list[FloatingBody]:
+    def _idle(self) -> list[BoundBody]:
         """The bodies that are set aside."""
         return [body for body in self._unloaded if body.label in self._bodies.aside]
 
@@ -305,9 +312,9 @@ class IdleBodies:
         contacts = self._bodies.contacts
         return np.concatenate([values(c)[c.set_aside & c.now.covered] for c in contacts])
 
-    def _rates(self, some: Sequence[FloatingBody]) -> Array:
+    def _rates(self, some: Sequence[BoundBody]) -> Array:
         """Closing rates of the nodes set aside due to motions of bodies, (n, motions) [1]."""
-        return np.asarray(self._at_idle(lambda contact: closing(self._bodies, contact, *some).T))
+        return np.asarray(self._at_idle(lambda contact: closing(contact, *some).T))
 
     def _farthest(self, overlaps: Array) -> float:
         """Largest motion of bodies that give way, for overlaps (n,) where they were [length]."""
@@ -315,7 +322,7 @@ class IdleBodies:
         for c in self._bodies.contacts:
             if c.pair.law.has_friction and c.set_aside.any():
                 smallest = RIGID.weakest_spring * float(c.modulus.min())
-                slopes, _ = c.now.strength(smallest)
+                slopes, _ = strength(c.now, smallest)
                 slope = max(slope, float(slopes[c.set_aside].max()))
         largest = float(np.hypot(1.0, 1.0 / slope)) * float(overlaps.max(initial=0.0))
         return (1.0 + SOLVED) * largest + self._digits()
@@ -326,10 +333,10 @@ class IdleBodies:
             float(np.abs(c.operators.x).max(initial=0.0)) for c in self._bodies.contacts
         )
 
-    def _motion(self, body: FloatingBody) -> Array:
+    def _motion(self, body: BoundBody) -> Array:
         """Rigid motion of a body since the start of the solve, (motions,) [length]."""
         bulk = self._bodies.bulk
-        return self._bodies.rigid_fraction(body, (bulk.values - self._home)[: bulk.num_owned])
+        return body.rigid_fraction((bulk.values - self._home)[: bulk.num_owned])
 
     def _set_aside(self, labels: Iterable[int]) -> None:
         """Set these bodies aside, and no others."""
@@ -340,10 +347,10 @@ class IdleBodies:
             aside = np.zeros(contact.slave.num_nodes, bool)
             for body in bodies.bodies:
                 if body.label in bodies.aside:
-                    aside |= bodies.at_body(contact, body)
+                    aside |= body.at(contact)
             contact.leave_out(aside)
 
-    def _readmit(self, bodies: Iterable[FloatingBody]) -> None:
+    def _readmit(self, bodies: Iterable[BoundBody]) -> None:
         """Let bodies take part in contact again."""
         labels = {body.label for body in bodies}
         self._readmissions.update(labels)
@@ -359,12 +366,12 @@ def _deformation(X: Array, u: Array, comm: MPI.Comm) -> Array:
     return u - (fit @ rigid).reshape(u.shape)
 
 
-def _moved_by(rates: Array, idle: Sequence[FloatingBody]) -> list[FloatingBody]:
+def _moved_by(rates: Array, idle: Sequence[BoundBody]) -> list[BoundBody]:
     """Idle bodies whose motions change the gaps with these rates, (n, motions of all) [1]."""
     parts = by_body(idle, np.abs(rates).max(axis=0))
     return [body for body, part in zip(idle, parts, strict=True) if part.any()]
 
 
-def _longest(bodies: Sequence[FloatingBody], moves: Array) -> float:
+def _longest(bodies: Sequence[BoundBody], moves: Array) -> float:
     """Largest norm of the moves of bodies, (motions of all,) [length]."""
     return max(float(np.linalg.norm(move)) for move in by_body(bodies, moves))

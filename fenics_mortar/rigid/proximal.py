@@ -26,10 +26,10 @@ Thresholds for rigid motions, each with its unit and the reason for its value.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -37,11 +37,8 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, solve, then_solve
-from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Flags, Value
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Value
 from fenics_mortar.utils.errors import NotConvergedError
-
-if TYPE_CHECKING:
-    from fenics_mortar.contact.contact import Contact
 
 
 @dataclass(frozen=True)
@@ -358,54 +355,176 @@ class _OnSprings:
 
 @dataclass(frozen=True)
 class Springs(Value):
-    """Anchored springs on dofs or motions, as arrays of equal shape.
+    """Anchored springs, relaxed at a displacement and at places.
 
     Attributes:
-        stiffness: Stiffness of each [stress].
-        anchor: Position at which each is relaxed [length, in places also radian].
+        of_bodies: Stiffness of those on each body, by its label, shape (bodies,) [stress].
+        of_motions: Stiffness of those on obstacles and remote loads, shape (m, 3) [stress].
+        u: The displacement, shape (owned dofs,) [length].
+        places: The places, shape (m, 3) [length, length, radian].
     """
 
-    stiffness: Array
-    anchor: Array
+    of_bodies: Array
+    of_motions: Array
+    u: Array
+    places: Array
 
 
-def anchored_stiffness(drive: float, err: float, length: float, stiffness: float) -> float:
+class AnchoredSprings:
+    """Anchored springs on floating bodies and driven obstacles; all methods are collective.
+
+    Args:
+        equations: The ``ContactEquations``.
+
+    Attributes:
+        present: The springs, ``None`` without.
+    """
+
+    def __init__(self, equations: Any) -> None:
+        self._equations = equations
+        self._bodies, self._motions = equations.floating, equations.motions
+        self._bodies.springs = self._motions.springs = self
+        self.present: Springs | None = None
+
+    def anchor(self, elongation: float, share: float = 1.0) -> None:
+        """Anchor floating bodies and driven obstacles at their present positions.
+
+        The forces that drive a body now, or a ``share`` of the error of its contact forces, would
+        elongate its springs by ``elongation`` shortest facets.
+        """
+        bodies, motions, stiffest = self._bodies, self._motions, self._equations.stiffest
+        bulk, contact, _ = self._equations.residual.forces()
+        total, residual = bulk + contact - motions.pushed_nodes(), motions.residual()
+        of_bodies, of_motions = np.zeros(bodies.num_bodies), np.zeros(motions.scales.shape)
+        for body in bodies.bodies:
+            drive, err = body.resultant(total), share * RIGID.normals_err * body.contact_force()
+            length = elongation * bodies.shortest_facet()
+            of_bodies[body.label] = anchored_stiffness(drive, err, length, body.stiffest)
+        on_obstacles = zip(motions.on_contacts, of_motions, residual, strict=False)
+        for obstacle, stiffness, drive in on_obstacles:
+            err = share * RIGID.negligible * obstacle.contact_force()
+            length = elongation * motions.shortest_facet
+            stiffness[obstacle.driven] = anchored_stiffness(drive, err, length, stiffest)
+        self.present = Springs(of_bodies, of_motions, self._u(), motions.places)
+
+    def remove_springs(self) -> None:
+        """Remove the springs."""
+        self.present = None
+
+    def remove_idle(self) -> None:
+        """Remove the springs on idle bodies."""
+        if self.present is not None:
+            self.present = self.present.replaced(of_bodies=self._acting(self.present))
+
+    def max_motion(self) -> float:
+        """Largest rigid motion since ``anchor`` [shortest facets]."""
+        if self.present is None:
+            return 0.0
+        bodies, motions, change = self._bodies, self._motions, self._u() - self.present.u
+        moves = [
+            np.linalg.norm(body.rigid_fraction(change)) / bodies.shortest_facet()
+            for body in bodies.bodies
+            if body.label not in bodies.aside
+        ]
+        strain = np.where(motions.driven, motions.motions_since(self.present.places), 0.0)
+        on_obstacles = strain[: len(motions.on_contacts)] / motions.shortest_facet
+        return float(max([*moves, *np.linalg.norm(on_obstacles, axis=1)], default=0.0))
+
+    def on_bodies(self) -> Array:
+        """Forces on bodies, (owned dofs,), zero without springs [stress length].
+
+        Springs on idle bodies only regularize the tangent.
+        """
+        if self.present is None:
+            return np.zeros(self._bodies.bulk.num_owned)
+        acting = self._bodies.spread(self._acting(self.present))
+        return acting * (self._u() - self.present.u)
+
+    def on_motions(self) -> Array:
+        """Forces on motions, (m, 3), zero without springs [stress length]."""
+        if self.present is None:
+            return np.zeros(self._motions.scales.shape)
+        return self.present.of_motions * self._motions.motions_since(self.present.places)
+
+    def carried(self) -> list[Carried]:
+        """Forces of the springs on each floating body, then on each driven obstacle."""
+        if self.present is None:
+            return []
+        bodies, forces = self._bodies.bodies, self.on_bodies()
+        contact = sum(body.contact_force() for body in bodies)
+        found = [
+            carried_by(body, -body.resultant(forces), body.rounding(contact)) for body in bodies
+        ]
+        on_obstacles = zip(self._motions.on_contacts, self.on_motions(), strict=False)
+        return found + [carried_by(each, on) for each, on in on_obstacles if each.driven.any()]
+
+    def remaining(self) -> Remaining:
+        """Forces of the springs over contact forces."""
+        carried = self.carried()
+        held = [each for each in carried if each.fraction > RIGID.slight]
+        return Remaining(
+            max((each.fraction for each in carried), default=0.0),
+            max((each.fraction for each in carried if each.slides), default=0.0),
+            f"{', '.join(map(str, held))}: {_reason(held)}" if held else "",
+        )
+
+    def _acting(self, springs: Springs) -> Array:
+        """Stiffness of springs on bodies, zero for idle ones, shape (bodies,) [stress]."""
+        idle = np.isin(np.arange(springs.of_bodies.size), list(self._bodies.aside))
+        return np.where(idle, 0.0, springs.of_bodies)
+
+    def _u(self) -> Array:
+        """Displacement of the owned dofs [length]."""
+        return self._bodies.bulk.values[: self._bodies.bulk.num_owned]
+
+
+def _reason(held: Sequence[Carried]) -> str:
+    """Why springs carry forces."""
+    sliding = [each.name for each in held if each.slides]
+    if sliding:
+        return (
+            f"all nodes with friction of {', '.join(sliding)} slide at their friction limit, which "
+            "the loads exceed; reduce these, or prescribe the motion"
+        )
+    return (
+        "this may be no equilibrium: either loads drive the motion slightly, or the corners of the "
+        "facets do, along whose averaged normals forces act; add a support, prescribe the motion, "
+        "refine, or take the smoother side of a pair as slave"
+    )
+
+
+def anchored_stiffness(drive: Array, err: float, length: float, stiffness: float) -> float:
     """Stiffness of a spring with a given elongation under given forces [stress] (local).
 
     Args:
-        drive: Force that drives the motions [stress length].
+        drive: Forces that drive the motions, shape (motions,) [stress length].
         err: Discretization error of this force [stress length].
         length: Elongation of the spring under the larger of both [length].
         stiffness: Stiffness of the bulk [stress]; the spring of a body without force has the
             fraction ``RIGID.weakest_spring`` of it.
     """
-    spring = max(drive, err) / length
+    spring = max(float(np.linalg.norm(drive)), err) / length
     is_forceless = spring < RIGID.weakest_anchor * stiffness
     return RIGID.weakest_spring * stiffness if is_forceless else spring
 
 
-def carried_by(
-    springs: float,
-    contact: float,
-    name: str,
-    nodes: Sequence[tuple[Contact, Flags]],
-    how: Callable[[], str],
-) -> Carried:
-    """What springs carry of the force on a body or obstacle (local).
+def carried_by(mover: Any, springs: Array, rounding: float = 0.0) -> Carried:
+    """What springs carry of the force on a body or obstacle (collective).
 
     Args:
-        springs: Force of the springs [stress length].
-        contact: Contact force [stress length].
-        name: Of the body or obstacle.
-        nodes: Its contacts, each with the slave nodes that act on it, (slave nodes,).
-        how: Describes the motion by which it stretches the springs.
+        mover: The body or obstacle.
+        springs: Force of the springs along its motions, shape (motions,) [stress length].
+        rounding: Force that is considered zero [stress length].
     """
-    fraction = springs / contact if contact > 0.0 else np.inf if springs > 0.0 else 0.0
+    size, contact = float(np.linalg.norm(springs)), mover.contact_force()
+    acts = size > rounding
+    fraction = size / contact if contact > 0.0 else np.inf
     sticks, slides = (
-        any((getattr(contact, marks) & mine).any() for contact, mine in nodes)
+        any((getattr(contact, marks) & mover.at(contact)).any() for contact in mover.contacts)
         for marks in ("sticking", "sliding")
     )
-    return Carried(name, fraction, slides and not sticks, how() if springs > 0.0 else "")
+    how = mover.describe(springs, directed=True) if acts else ""
+    return Carried(mover.name, fraction if acts else 0.0, slides and not sticks, how)
 
 
 def tangent_stiffness(drive: Array, force: float) -> float:

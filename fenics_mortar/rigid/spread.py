@@ -25,14 +25,6 @@ depend on t and S. With q = sum_k (e_i x v_k) . (w x dx_k), the part of dS w at 
 
 columns and rows of the border, with t and q as unknowns, two in the plane and six in space.
 
-**Bordered systems.** A few unknowns q in addition to those of a large, factored system A:
-
-    A x + C q = b
-    G x + E q = c
-
-Block elimination needs a solve with A for each column of C, and a small dense system for q. The
-transposed system has the same form, with the rows of G as columns.
-
 **Sections under pretension.** The force in a tie is the load of its jump along an axis. The rows of
 the tie are D u_s - M (u_m + s a) for the shortening s along the axis a. The force that
 tightens the section is conjugate to s,
@@ -64,21 +56,17 @@ in the plane -l . r / arm^2. Shapes below are those of the plane.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
-
-from mpi4py import MPI
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import block_diag
 
 from fenics_mortar.bulk.bodies import products
-from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.interface.traces import extract_surface
-from fenics_mortar.la.sparse import BlockMatrix
+from fenics_mortar.la.sparse import BlockMatrix, Border
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.rigid_motion import (
     TURNS,
@@ -86,16 +74,17 @@ from fenics_mortar.obstacles.rigid_motion import (
     check_vector,
     describe_load,
     describe_place,
+    place_after,
     polar,
     vector_beside,
 )
+from fenics_mortar.rigid.proximal import tangent_stiffness
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices, Numbers, norms
 from fenics_mortar.utils.errors import (
     MortarError,
     SurfaceError,
     check_kind,
     check_same_texts,
-    raise_together,
     together,
 )
 from fenics_mortar.utils.ranks import sum_over_ranks
@@ -110,71 +99,82 @@ if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
 
 
-@dataclass(frozen=True)
-class Border:
-    """C, G and E for m additional unknowns and n owned unknowns of A.
+class Mover(ABC):
+    """What moves as a rigid one in a problem: an obstacle, a boundary, or the sides of a section.
 
     Attributes:
-        columns: C transposed, shape (m, n).
-        rows: G, shape (m, n).
-        corner: E, shape (m, m), equal on all ranks.
+        motion: Place and loads, those of the user's object.
+        arm: Length by which angles are multiplied [length].
+        reacts: Factor of ``force`` in the reaction of the user's object [1].
+        force_name: What messages call this reaction.
     """
 
-    columns: Array
-    rows: Array
-    corner: Array
+    motion: Any
+    arm: float
+    reacts, force_name = 1.0, "force"
+    _space: DisplacementSpace
 
     @property
-    def transposed(self) -> Self:
-        """The border of the transposed system."""
-        return type(self)(self.rows, self.columns, self.corner.T)
+    def name(self) -> str:
+        """Kind and name, for messages."""
+        return f"{self.motion.kind} '{self.motion.name}'"
 
-    def scaled(self, units: Array) -> Self:
-        """The border for unknowns q / ``units`` and equations times ``units`` (m,)."""
-        each = units[:, None]
-        return type(self)(each * self.columns, each * self.rows, each * self.corner * units)
+    @property
+    def scales(self) -> Array:
+        """Motions per component of the place, shape (3,) [1, length]."""
+        dim = self.motion.dim
+        return np.append(np.ones(dim), np.full(self.motion.place.size - dim, self.arm))
 
-    def joined(self, other: Border) -> Self:
-        """The border of the unknowns of both."""
-        columns = np.vstack([self.columns, other.columns])
-        rows = np.vstack([self.rows, other.rows])
-        return type(self)(columns, rows, block_diag(self.corner, other.corner))
+    @property
+    def driven(self) -> Flags:
+        """Whether forces drive a motion, shape (3,), bool."""
+        return np.isfinite(self.motion.load)
 
-    def restricted_to(self, some: Flags) -> Self:
-        """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""
-        return type(self)(self.columns[some], self.rows[some], self.corner[np.ix_(some, some)])
+    def push(self) -> Array:
+        """Loads along driven motions, 0 for prescribed ones, (3,) [stress length] (local)."""
+        return np.nan_to_num(self.motion.load) / self.scales
 
+    def move(self, change: Array) -> None:
+        """Add ``change`` to the motion, shape (3,) [length] (local)."""
+        self.motion.place = place_after(self.motion.place, change, self.arm)
 
-def solve_bordered(
-    solve: Callable[[Array], Array], border: Border, x: Array, c: Array, comm: MPI.Comm
-) -> tuple[Array, Array]:
-    """Solve a bordered system (collective).
+    @abstractmethod
+    def force(self) -> Array:
+        """f_q, shape (3,) [stress length] (collective)."""
 
-    Args:
-        solve: Solves A x = b; takes and returns owned values, shape (n,) (collective).
-        border: C, G and E.
-        x: Solution of A x = b without the border, owned values, shape (n,).
-        c: Right-hand side of the m additional equations, shape (m,), replicated.
-        comm: Communicator.
+    @abstractmethod
+    def linearize(self, system: LinearSystem) -> Border:
+        """Columns, rows and corner of the balance (collective)."""
 
-    Returns:
-        x, shape (n,), and q, shape (m,), equal on all ranks [units of the system].
+    def constant_force(self) -> Array:
+        """The part of f_q that is not linear in the multipliers, (3,) [stress length]."""
+        return np.zeros(self.motion.place.size)
 
-    Raises:
-        MortarError: On all ranks, if A or the small dense system is singular.
-    """
-    if not c.size:
-        return x, np.zeros(0)
-    solutions = np.array([solve(column) for column in border.columns])
-    products = comm.allreduce(border.rows @ np.vstack([x, solutions]).T)
-    q, error = np.empty_like(c), None
-    try:
-        q = np.linalg.solve(border.corner - products[:, 1:], c - products[:, 0])
-    except np.linalg.LinAlgError as singular:
-        error = MortarError(f"the balance of the driven motions is singular: {singular}")
-    raise_together(comm, error)
-    comm.Bcast(q)
-    return x - q @ solutions, q
+    def loose(self) -> Array:
+        """Orthonormal driven motions that nothing resists, (n, 3) [1]; none by default."""
+        return np.zeros((0, self.motion.place.size))
+
+    def tangent_spring(self, residual: Array, stiffness: float, force: float) -> Array:
+        """Stiffness of a spring on loose motions, in proportion to the driving force (local).
+
+        Args:
+            residual: Residual of the balance, shape (3,) [stress length].
+            stiffness: Stiffness of the bulk [stress].
+            force: Size of all forces [stress length].
+
+        Returns:
+            Addition to E_q, shape (3, 3) [stress].
+        """
+        loose = self.loose()
+        return stiffness * tangent_stiffness(loose @ residual, force) * (loose.T @ loose)
+
+    def record(self) -> str:
+        """Set the reaction of the user's object; return a sentence (collective)."""
+        force = self.reacts * self.force() * self.scales
+        is_axial = self._space.is_axisymmetric  # radial forces and moments vanish around the axis
+        self.motion.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
+        load = describe_load(force, self.force_name, is_axial=is_axial)
+        return f"{self.name}{describe_place(self.motion.place)}: {load}"
 
 
 class BoundaryMotion(RigidMotion):
@@ -383,12 +383,13 @@ class BoundSpreadLoad:
         N = np.einsum("ijab,kb,ka->ij", twice, v, self._x @ W.T)
         dw = self._per_moment @ (L - N)
         by_t = np.einsum("ij,kia->kja", dw, around) + around @ W.T
-        columns, rows = np.zeros((2, count, system.bulk.num_owned + system.num_z_dofs))
+        columns, rows, corner = border = Border.empty(system, count)
         for target, fields in ((columns, (-by_t, self._g)), (rows, (self._g, around @ W))):
             nodal = np.concatenate(fields, axis=1)
             for number in range(count):
                 self._surface.scatter_add(nodal[:, number], target[number])
-        return Border(columns, rows, -np.eye(count))
+        corner -= np.eye(count)
+        return border
 
     def record(self) -> str:
         """Set place and reaction of the user's load; return a sentence (local)."""
@@ -397,20 +398,12 @@ class BoundSpreadLoad:
         return f"spread load '{self.motion.name}'{describe_place(self._place)}: {load}"
 
 
-def sections_of(contacts: Sequence[Any]) -> list[BoundSection]:
-    """The sections under pretension among all contacts and ties (local).
-
-    Raises:
-        SurfaceError: On all ranks, if a section without an axis is not straight.
-    """
-    return [BoundSection(c) for c in contacts if isinstance(c.pair, Pretension)]
-
-
-class BoundSection:
+class BoundSection(Mover):
     """A section in the space of a problem, a remote load as ``BoundRigidBoundary``.
 
     Args:
         tie: The tie of its faces.
+        bulk: The bodies.
 
     Attributes:
         tie: The tie of its faces.
@@ -421,43 +414,29 @@ class BoundSection:
 
     arm = 1.0
 
-    def __init__(self, tie: Tie) -> None:
+    def __init__(self, tie: Any, bulk: Bulk) -> None:
         """Find the axis (local)."""
-        self.tie, self._pair, self.motion = tie, tie.pair, tie.pair.motion
+        self.tie: Tie = tie
+        self._pair, self.motion, self._bulk = tie.pair, tie.pair.motion, bulk
         if not self._pair.axis.any():
             self._pair.axis = _normal_of(tie.slave)
         self.axis: Array = self._pair.axis
 
-    def bind_forces(self, bulk: Bulk, contacts: Sequence[Any]) -> None:
-        """Keep the number of owned dofs: the forces are those of the tie (local)."""
-        self._num_owned = bulk.num_owned
-
     def force(self) -> Array:
         """The force that tightens the section, as the first of (3,) [stress length] (local)."""
-        return float((self._by_multipliers() * self.tie.z).sum()) * self._first
-
-    def constant_force(self) -> Array:
-        """Zero, (3,) [stress length]: the force of a tie is linear in its multipliers (local)."""
-        return 0.0 * self._first
-
-    @property
-    def _first(self) -> Array:
-        """The motion that is the shortening, (3,), in space (6,) [1]."""
-        return np.eye(self.motion.place.size)[0]
+        shortening = np.eye(self.motion.place.size)[0]
+        return float((self._by_multipliers() * self.tie.z).sum()) * shortening
 
     def pushed_nodes(self) -> Array:
         """The push beyond the tie's force, on both faces, (owned dofs,) [stress length] (local).
 
         The resultant on the body is zero, those on the parts beside the section drive them.
         """
-        found, weights = np.zeros(self._num_owned), self._weights()
+        found, weights = np.zeros(self._bulk.num_owned), self._weights()
         missing = float(np.nan_to_num(self.motion.load[0] - self.force()[0]))
         z = np.outer(self.tie.active, missing / weights.sum() * self.axis)
         self.tie.scatter_add(self.tie.operators.force(z), found)
         return found
-
-    def take_bulk_rows(self) -> None:
-        """Nothing: K has no part in the balance of a tie."""
 
     def _by_multipliers(self) -> Array:
         """Derivative of f_q with respect to the multipliers, of their shape [length]."""
@@ -472,12 +451,12 @@ class BoundSection:
     def linearize(self, system: LinearSystem) -> Border:
         """Border of the shortening: its column in the tie's rows, and its balance (local)."""
         _, weight = self.tie.rows.frame()
-        by_z, size, count = self._by_multipliers(), system.bulk.num_owned, self.motion.place.size
-        columns, rows = np.zeros((2, count, size + system.num_z_dofs))
+        by_z = self._by_multipliers()
+        columns, rows, _ = border = Border.empty(system, self.motion.place.size)
         (z_dofs,) = (z_dofs for contact, z_dofs in system.numbered() if contact is self.tie)
-        at, owned = size + system.local(self.tie, z_dofs), self.tie.slave.owned
+        at, owned = system.bulk.num_owned + system.local(self.tie, z_dofs), self.tie.slave.owned
         columns[0, at], rows[0, at] = (weight * by_z)[owned], by_z[owned]
-        return Border(columns, rows, np.zeros((count, count)))
+        return border
 
     def record(self) -> str:
         """Set the force of the user's section; return it and the shortening in words (local)."""
@@ -545,7 +524,7 @@ class RigidBoundary(BoundaryMotion):
     kind = "rigid boundary"
 
 
-class BoundRigidBoundary:
+class BoundRigidBoundary(Mover):
     """A rigid boundary in the space of a problem; also the Dirichlet condition of its nodes.
 
     Args:
@@ -599,8 +578,7 @@ class BoundRigidBoundary:
     def driven_dofs(self) -> Flags:
         """Marks of local dofs that a push drives, shape (local dofs,), bool (local)."""
         marked = self._space.spread(np.zeros(len(self._space.dofs))) > 0.0
-        driven = np.isfinite(self.motion.load)
-        V = self.motion.motions(self.motion.to_space(self._X), self.arm)[:, driven]
+        V = self.motion.motions(self.motion.to_space(self._X), self.arm)[:, self.driven]
         marked[self._here] = (np.abs(V) > ROUNDING).any(axis=1)
         return marked
 
@@ -646,10 +624,6 @@ class BoundRigidBoundary:
         found[self._dofs] = np.einsum("kmc,m->kc", self._velocities(), factors)
         return found
 
-    def push(self) -> Array:
-        """Loads along driven motions, 0 for prescribed ones, (3,) [stress length] (local)."""
-        return np.nan_to_num(self.motion.load) / self.motion.scales(self.arm)
-
     def centripetal(self, v: Array) -> Array:
         """Acceleration towards the pivot of a rotating boundary, (owned dofs,) (collective).
 
@@ -688,13 +662,6 @@ class BoundRigidBoundary:
         self.part = int(found[0])
         return found
 
-    def record(self) -> str:
-        """Set the reaction of the user's boundary; return a sentence (collective)."""
-        force, is_axial = self.force() * self.motion.scales(self.arm), self._space.is_axisymmetric
-        self.motion.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-        load = describe_load(force, is_axial=is_axial)
-        return f"rigid boundary '{self.motion.name}'{describe_place(self.motion.place)}: {load}"
-
     def take_bulk_rows(self) -> None:
         """Store V^T K, before contact changes K (collective)."""
         self._by_bulk = products(self._bulk.K, self.nodal_motions(), transpose=True)
@@ -708,15 +675,14 @@ class BoundRigidBoundary:
     def linearize(self, system: LinearSystem) -> Border:
         """Columns of the prescribed dofs, rows and corner of the balance (collective)."""
         V, size, dim = self.nodal_motions(), self._bulk.num_owned, self.motion.dim
-        columns = np.zeros((len(V), size + system.num_z_dofs))
-        rows, corner = np.zeros_like(columns), np.zeros((len(V), len(V)))
+        columns, rows, corner = border = Border.empty(system, len(V))
         columns[:, :size], rows[:, :size] = -V, self._by_bulk
         if self._touching:
             rows += _by_contact(system, V)
         moments = np.einsum("ka,kb->ab", self._forces(), self._levers()) / self.arm**2
-        twice = TURNS[dim][:, None] @ TURNS[dim]
-        corner[dim:, dim:] = np.einsum("ijab,ab->ij", twice, sum_over_ranks(self._comm, moments))
-        return Border(columns, rows, corner)
+        twice, moments = TURNS[dim][:, None] @ TURNS[dim], sum_over_ranks(self._comm, moments)
+        corner[dim:, dim:] = np.einsum("ijab,ab->ij", twice, moments)
+        return border
 
     def _pivot(self) -> Array:
         """Present position of the pivot, shape (2,) [length]."""
@@ -728,7 +694,8 @@ def _by_contact(system: LinearSystem, V: Array) -> Array:
     size, sizes = system.bulk.num_owned, (system.bulk.num_owned, system.num_z_dofs)
     K_c = BlockMatrix(system.comm, size, size).assemble(system.force_derivative())
     B_T = BlockMatrix(system.comm, *sizes).assemble(system.force_blocks())
-    by_z = products(B_T, V, transpose=True) / system.collect(map(system.scale, system.contacts))
+    scales = system.collect(contact.components.scale for contact in system.contacts)
+    by_z = products(B_T, V, transpose=True) / scales
     found = np.hstack([products(K_c, V, transpose=True), by_z])
     K_c.destroy()
     B_T.destroy()

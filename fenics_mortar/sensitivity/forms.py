@@ -24,6 +24,7 @@ and in the state from which slip is counted.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -60,6 +61,18 @@ if TYPE_CHECKING:
     from fenics_mortar.problem import ContactProblem
     from fenics_mortar.sensitivity.history import Before
     from fenics_mortar.utils.arrays import Array
+
+
+# Objects with compiled forms, by bulk and key.
+_kept: WeakKeyDictionary[Bulk, dict[Any, Any]] = WeakKeyDictionary()
+
+
+def kept_for(bulk: Bulk, key: Any, make: Callable[[], Any]) -> Any:
+    """The object made earlier for a key, as an UFL object, or a new one (local)."""
+    kept = _kept.setdefault(bulk, {})
+    if key not in kept:
+        kept[key] = make()
+    return kept[key]
 
 
 class AssembledForm:
@@ -362,10 +375,6 @@ class NodalPositions:
 
     name, is_distributed = "nodal positions", True
 
-    def __init__(self) -> None:
-        self._forms: WeakKeyDictionary[Bulk, dict[ufl.Form, DerivativeByField]]
-        self._forms = WeakKeyDictionary()
-
     def get(self, problem: ContactProblem) -> Array:
         """Positions in ``problem``, shape (owned dofs,) [length]; see ``Control``."""
         space = problem.equations.bulk.space
@@ -386,15 +395,14 @@ class NodalPositions:
             MortarError: On all ranks, if the nodes of displacement and mesh differ.
         """
         bulk = problem.equations.bulk
-        V, mesh, kept = bulk.space.V, bulk.V.mesh, self._forms.setdefault(bulk, {})
-        if form not in kept:
-            nodes = compat.dofmap(V).shape[1], compat.geometry_dofmap(mesh).shape[1]
-            if bulk.space.is_mixed or nodes != 2 * (compat.num_corners(mesh),):
-                raise MortarError(
-                    "nodal positions as control need displacements of degree 1 on straight cells"
-                )
-            kept[form] = DerivativeByField(form, _positions_in(form, mesh), V, space)
-        return kept[form]
+        V, mesh = bulk.space.V, bulk.V.mesh
+        nodes = compat.dofmap(V).shape[1], compat.geometry_dofmap(mesh).shape[1]
+        if bulk.space.is_mixed or nodes != 2 * (compat.num_corners(mesh),):
+            raise MortarError(
+                "nodal positions as control need displacements of degree 1 on straight cells"
+            )
+        given = form, _positions_in(form, mesh), V, space
+        return kept_for(bulk, ("positions", form), lambda: DerivativeByField(*given))
 
     def _of_residual(self, problem: ContactProblem) -> DerivativeByField:
         bulk = problem.equations.bulk

@@ -12,6 +12,10 @@ tangent per step gives the derivatives with respect to all controls. dR_{k+1}/ds
 partners, slip and shear of the accepted state; without friction it vanishes, and steps without
 weight are left out.
 
+An objective may be flat. If all nodes in contact stick in all steps, a larger friction limit
+changes nothing: the derivative is exactly zero in a whole region, and an optimizer that compares
+gradients with zero stops there. The same holds for all parameters of a pair without contact.
+
 **Paths of contact as functions for frameworks of automatic differentiation.** Such a framework
 needs a function and the product of a vector with its Jacobian (pullback): the methods of
 ``Simulation``. ``to_autograd`` defines the function for autograd
@@ -30,39 +34,46 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx import fem
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import (
+    LawParameter,
+    as_list,
+    controls_of,
+    dot,
+    explicit,
+    quantities_of,
+    read,
+)
 from fenics_mortar.sensitivity.forms import put_owned
 from fenics_mortar.sensitivity.history import Before, Memories, StepHistory, StepMemory, added
 from fenics_mortar.sensitivity.objective import (
     RecordedPath,
-    as_list,
-    controls_of,
-    dot,
     evaluate,
-    explicit,
     find_kinks,
-    flat_remarks,
     last,
-    quantities_of,
-    read,
-    status_of,
     total,
 )
 from fenics_mortar.utils.errors import MortarError, together
 from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
-    from fenics_mortar.sensitivity.objective import Kink, OverSteps, Status
+    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.sensitivity.objective import Kink, OverSteps
     from fenics_mortar.sensitivity.protocols import Control, Quantity
     from fenics_mortar.utils.arrays import Array
+
+
+# Whether no node of a pair is in contact, or all that are stick.
+Status = Literal["open", "stick", "other"]
 
 
 @dataclass(frozen=True)
@@ -257,6 +268,56 @@ def _backwards(
         of_rows = memory.residuals.T @ (y * -1.0)
         by_memory = added(memory.by_before.T @ by_memory, of_rows)
     return by_step, kinks, statuses
+
+
+def status_of(contact: Interface) -> Status:
+    """Whether no node of a pair is in contact, or all that are stick (local)."""
+    if not contact.active.any():
+        return "open"
+    if not isinstance(contact, Contact) or not contact.pair.law.has_friction:
+        return "other"
+    can_slide = contact.active & contact.follows_law
+    return "other" if (can_slide & ~contact.now.sticking).any() else "stick"
+
+
+def flat_remarks(
+    contacts: Sequence[Interface],
+    statuses: Sequence[Sequence[Status]],
+    controls: Sequence[Control],
+    by_step: Sequence[Sequence[Array]],
+) -> tuple[str, ...]:
+    """Describe parameters of laws whose derivative is zero in a whole region (local).
+
+    Args:
+        contacts: The pairs.
+        statuses: ``status_of`` the pairs, in each step that the objective depends on.
+        controls: The controls.
+        by_step: Contributions of the steps to the derivatives by each control.
+    """
+    found = []
+    for control, parts in zip(controls, by_step, strict=True):
+        if not isinstance(control, LawParameter) or any(part.any() for part in parts):
+            continue
+        seen = {each[control.pair] for each in statuses}
+        if seen and "other" not in seen:
+            contact = contacts[control.pair]
+            found.append(
+                f"the derivative by {control.name} is zero: in all {len(statuses)} steps "
+                f"{_reason(contact, seen)} (a flat region, which is not a minimum)"
+            )
+    return tuple(found)
+
+
+def _reason(contact: Interface, seen: set[Status]) -> str:
+    """Why an objective is flat, and what helps (local)."""
+    names = f"'{contact.slave.name}' on '{contact.master.name}'"
+    if "stick" not in seen:
+        return f"no node of {names} is in contact; choose steps or other parameters with contact"
+    return (
+        f"all nodes of {names} in contact stick, so that the objective does not depend on the "
+        "friction limit; start with less friction, bound it to values with slip, or load until "
+        "nodes slide"
+    )
 
 
 class Simulation:

@@ -17,7 +17,6 @@ therefore the transposed operator has the transposed matrices and the two kinds 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from copy import copy
 from dataclasses import dataclass
 from itertools import chain
@@ -357,13 +356,9 @@ def fields_before(e: ContactEquations, i: int, contact: Contact, before: State) 
         MortarError: On all ranks, if slip is counted from another state.
     """
     state, obstacle = before.interfaces[i], contact.obstacle
-    there: AbstractContextManager[None] = nullcontext()
-    if obstacle is not None:
-        there = at_place(obstacle, before.places[e.motions.obstacles.index(obstacle)])
-    with there:
+    place: Any = None if obstacle is None else before.places[e.motions.obstacles.index(obstacle)]
+    with at_place(obstacle, place):
         operators, _ = copy(contact.evaluation).evaluate(before.u, state, EXACT)
-        if state.offset.any():
-            operators = operators.minus_offset(state.offset)
         then: ContactFields = type(contact.now)(contact, state, operators)
         found = find_partners(then)
     o, given = contact.operators, contact.partners

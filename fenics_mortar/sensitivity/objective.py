@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Objectives from arguments of users: quantities, controls, functions of the values in all steps.
+"""Objectives of a path: recorded steps, functions of the values in all steps, kinks.
 
 **Objectives of a path as functions of the values of quantities in its steps.** Such a function
 takes the values, shape (steps, quantities), and returns the objective and its derivatives with
@@ -27,11 +27,6 @@ sliding           slip / nodal length
 and zero where the cover of a node is at the limit for a multiplier. A node is undecided if its
 distance is at most ``laws.KINK``. Distances of sticking and sliding nodes are known for laws with a
 friction limit that is reached in sliding (``Friction``).
-
-Far from kinks an objective may be flat. If all nodes in contact stick in all steps, a larger
-friction limit changes nothing: the derivative is exactly zero in a whole region, and an optimizer
-that compares gradients with zero stops there. The same holds for all parameters of a pair without
-contact.
 """
 
 from __future__ import annotations
@@ -41,39 +36,31 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-import ufl
 from dolfinx import fem
 
-from fenics_mortar.bulk.checks import check_domain, refuse_history
+from fenics_mortar.bulk.checks import refuse_history
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import KINK, Friction
 from fenics_mortar.equations.general import Snapshot, State, raise_cause, restored_if_interrupted
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.spread import refuse_remote
-from fenics_mortar.sensitivity.controls import LawParameter
-from fenics_mortar.sensitivity.forms import FormControl, FormQuantity
-from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags
 from fenics_mortar.utils.errors import (
     MortarError,
     RaisedElsewhereError,
     check_kind,
-    check_same_texts,
     format_point,
     together,
 )
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.sensitivity.history import Before
-    from fenics_mortar.sensitivity.protocols import Control, Quantity, Values
+    from fenics_mortar.sensitivity.protocols import Quantity
 
 # Residual of a solution over that of Newton's tolerance [1]: the reference force of an iteration
 # may have been larger than that of the state.
@@ -257,171 +244,6 @@ def check_solved(problem: ContactProblem) -> None:
         )
 
 
-# Cache of controls and quantities with compiled forms, by bulk and UFL object.
-_kept: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
-
-
-def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
-    """Controls; constants and functions are converted (local).
-
-    Raises:
-        ValueError: If an object is not a control, or a pair reads a constant or function.
-    """
-    return [_control_of(problem, control) for control in as_list(given)]
-
-
-def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
-    """Quantities; UFL forms are converted (local).
-
-    Raises:
-        ValueError: If an object is neither a quantity nor a form of rank 0.
-    """
-    return [_quantity_of(problem, quantity) for quantity in as_list(given)]
-
-
-def as_list(given: Any) -> list[Any]:
-    """A list of at least one object from one object or several (local).
-
-    Raises:
-        ValueError: If the list is empty.
-    """
-    found = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    if not found:
-        raise ValueError("an empty list: expected at least one control and one quantity")
-    return found
-
-
-def read(
-    problem: ContactProblem, objective: Any, controls: Any
-) -> tuple[list[Quantity], list[Control]]:
-    """Quantities and controls of a gradient; see ``gradient`` for the arguments (collective).
-
-    Raises:
-        ValueError: On all ranks, if an argument is of another type, or nothing depends on a
-            control.
-        MortarError: On all ranks, if number, kind or arguments of quantities or controls differ.
-    """
-    comm = problem.equations.comm
-    with together(comm, "gradient"):
-        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-    given = {
-        "quantities": [_described(quantity) for quantity in quantities],
-        "controls": [f"{type(control).__name__} {control.name}" for control in made],
-    }
-    check_same_texts(comm, "gradient", given)
-    for control in made:
-        occurs = getattr(control, "occurs", True)
-        tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
-        if not occurs and not any(depends_on(control) for depends_on in tests):
-            raise ValueError(
-                f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
-                "on this control"
-            )
-    return quantities, made
-
-
-def explicit(
-    problem: ContactProblem, quantity: Quantity, control: Control, before: Before
-) -> Values:
-    """dJ/dm at fixed states, of the shape of the control's values (collective).
-
-    In the unit of J over that of m [any].
-    """
-    of_control = getattr(control, "explicit", None)
-    if of_control is not None:
-        return of_control(problem, quantity, before)
-    return quantity.by_control(problem, control, before)
-
-
-def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
-    """Scalar product of two arrays of a control's shape [product of units] (collective).
-
-    Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
-    replicated.
-    """
-    mine, is_distributed = float(np.vdot(one, other)), getattr(control, "is_distributed", False)
-    return problem.equations.comm.allreduce(mine) if is_distributed else mine
-
-
-def _refuse_data_of_pairs(problem: ContactProblem, data: Any) -> None:
-    """Raise for a constant or function that a pair reads: its rows have no derivative by it.
-
-    Raises:
-        ValueError: If a pair reads it.
-    """
-    for contact in problem.equations.contacts:
-        pair: Any = contact.pair
-        read = [("jump", getattr(pair, "jump", None))]
-        read += [("temperature", heat.temperature) for heat in getattr(pair, "fluxes", ())]
-        read += getattr(getattr(pair, "law", None), "varying", {}).items()
-        for name, value in read:
-            if value is data:
-                raise ValueError(
-                    f"{data} is {name} of {pair!r}, by which a gradient has no derivative; "
-                    "parameters of laws are controls by sensitivity.LawParameter"
-                )
-
-
-def _control_of(problem: ContactProblem, control: Any) -> Control:
-    bulk = problem.equations.bulk
-    if control is bulk.u:
-        raise ValueError("the displacement is an unknown: expected a control on which it depends")
-    if isinstance(control, (fem.Constant, fem.Function)):
-        _refuse_data_of_pairs(problem, control)
-        return _keep(bulk, control, lambda: FormControl(bulk, control))
-    if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
-        raise ValueError(
-            f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
-            f"package, e.g. LawParameter(0, 'mu')"
-        )
-    _check(control)
-    return control
-
-
-def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
-    bulk = problem.equations.bulk
-    if isinstance(quantity, ufl.Form):
-        if quantity.arguments():
-            raise ValueError(
-                f"the objective is a form with {len(quantity.arguments())} arguments: expected a "
-                "form without test functions"
-            )
-        check_domain("objective", quantity, bulk.V.ufl_domain())
-        return _keep(bulk, quantity, lambda: FormQuantity(bulk, quantity))
-    if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
-        raise ValueError(
-            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, "
-            f"e.g. TotalForce(0, (0.0, 1.0))"
-        )
-    _check(quantity)
-    if isinstance(quantity, ContactQuantity):
-        quantity.check_dimension(bulk.space.dim)
-    return quantity
-
-
-def _check(given: Any) -> None:
-    """Check the arguments of a control or quantity, if it has a method for this (local)."""
-    check = getattr(given, "check", None)
-    if check is not None:
-        check()
-
-
-def _described(quantity: Any) -> list[Any]:
-    """Type and public arguments of a quantity, or of its parts, for a comparison (local)."""
-    if isinstance(quantity, Combined):
-        return [type(quantity).__name__, *map(_described, quantity.parts)]
-    public = {name: v for name, v in vars(quantity).items() if not name.startswith("_")}
-    return [type(quantity).__name__, public]
-
-
-def _keep(bulk: Any, key: Any, make: Any) -> Any:
-    """The object made earlier for a UFL object, or a new one (local)."""
-    kept = _kept.setdefault(bulk, {})
-    if key not in kept:
-        kept[key] = make()
-    return kept[key]
-
-
 OverSteps = Callable[[Array], tuple[float, Array]]
 
 
@@ -544,7 +366,6 @@ def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
 
 
 Change = Literal["opens", "closes", "slides", "sticks", "cover"]
-Status = Literal["open", "stick", "other"]
 
 
 @dataclass(frozen=True)
@@ -623,53 +444,3 @@ def _distances(contact: Contact) -> dict[Change, Array]:
         found["slides"] = limited & now.sticking, np.abs(1.0 - shear)
         found["sticks"] = limited & now.sliding, np.abs(now.slip) / now.nodal_lengths
     return {change: np.where(*where, np.inf) for change, where in found.items()}
-
-
-def status_of(contact: Interface) -> Status:
-    """Whether no node of a pair is in contact, or all that are stick (local)."""
-    if not contact.active.any():
-        return "open"
-    if not isinstance(contact, Contact) or not contact.pair.law.has_friction:
-        return "other"
-    can_slide = contact.active & contact.follows_law
-    return "other" if (can_slide & ~contact.now.sticking).any() else "stick"
-
-
-def flat_remarks(
-    contacts: Sequence[Interface],
-    statuses: Sequence[Sequence[Status]],
-    controls: Sequence[Control],
-    by_step: Sequence[Sequence[Array]],
-) -> tuple[str, ...]:
-    """Describe parameters of laws whose derivative is zero in a whole region (local).
-
-    Args:
-        contacts: The pairs.
-        statuses: ``status_of`` the pairs, in each step that the objective depends on.
-        controls: The controls.
-        by_step: Contributions of the steps to the derivatives by each control.
-    """
-    found = []
-    for control, parts in zip(controls, by_step, strict=True):
-        if not isinstance(control, LawParameter) or any(part.any() for part in parts):
-            continue
-        seen = {each[control.pair] for each in statuses}
-        if seen and "other" not in seen:
-            contact = contacts[control.pair]
-            found.append(
-                f"the derivative by {control.name} is zero: in all {len(statuses)} steps "
-                f"{_reason(contact, seen)} (a flat region, which is not a minimum)"
-            )
-    return tuple(found)
-
-
-def _reason(contact: Interface, seen: set[Status]) -> str:
-    """Why an objective is flat, and what helps (local)."""
-    names = f"'{contact.slave.name}' on '{contact.master.name}'"
-    if "stick" not in seen:
-        return f"no node of {names} is in contact; choose steps or other parameters with contact"
-    return (
-        f"all nodes of {names} in contact stick, so that the objective does not depend on the "
-        "friction limit; start with less friction, bound it to values with slip, or load until "
-        "nodes slide"
-    )

@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.fields import SpaceFields
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
 from fenics_mortar.sensitivity.history import (
@@ -220,7 +221,7 @@ class PairQuantity(OfPair, ContactQuantity):
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
         """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
         by = self._of(interface_of(problem.equations, self.pair))[1]
-        history = history_of(problem, before) if "slip" in by else None
+        history = history_of(problem, before) if {"slip", "rubbing"} & set(by) else None
         if history is None or self.pair not in history.pairs:
             return None
         gradient = through(by, history.pairs[self.pair].fields)
@@ -560,6 +561,8 @@ class FrictionWork(PairQuantity):
 
     def _of(self, contact: Contact) -> tuple[float, ByFields]:
         w, z_tau, slip, f = contact.operators.weight, contact.z_tau, contact.slip, contact.now
+        if isinstance(f, SpaceFields):  # by vectors: the slip of a bond may have another direction
+            return f.friction_work, {"weight": z_tau * slip, "rubbing": w}
         gap = z_tau * f.slip_by_gap
         weight = z_tau * slip - gap * f.mean_gap
         by = {"weight": weight, "gap": gap, "z_tau": w * slip, "slip": w * z_tau}

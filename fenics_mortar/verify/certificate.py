@@ -35,10 +35,13 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_stored
+from fenics_mortar.contact.rows import strength
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.reference import tabulate
 from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.rigid.body_motions import Touching, nearly_touching, unresisted_motion
+from fenics_mortar.rigid.body_motions import names_of
+from fenics_mortar.rigid.complementarity import Touching, nearly_touching
+from fenics_mortar.rigid.floating import moved_by_loads
 from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.files import Markdown, markdown_table
@@ -231,7 +234,7 @@ class Certificate(Markdown):
 
 def certify(
     contacts: Sequence[Contact | Tie], floating: FloatingBodies, unbalanced: Array,
-    inside: Sequence[Indices],
+    inside: Sequence[Indices], solved: float,
 ) -> Certificate:  # fmt: skip
     """Measure the present state (collective).
 
@@ -240,6 +243,7 @@ def certify(
         floating: The bodies, with the residual of the bulk at the present state.
         unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
         inside: Global numbers of the nodes of each pair inside another body of it, ascending.
+        solved: Force up to which the equations are solved [stress length].
 
     Raises:
         Exception: An error of a user's law, raised on all ranks.
@@ -251,7 +255,7 @@ def certify(
         kind: Kind = "of_tie" if isinstance(contact, Tie) else "of_contact"
         measured: Any = contact
         if isinstance(contact, Contact):
-            measured = Measured(contact, paired, nodes)
+            measured = Measured(contact, paired, nodes, solved)
         found = [each for check in checks(kind, bulk.space.dim) for each in check(measured)]
         names = f"{contact.slave.name} - {contact.master.name}"
         pairs.append(PairCertificate(names, tuple(found)))
@@ -408,23 +412,17 @@ def tipping_bodies(
         return []
     bulk = bodies.bulk
     forces = bulk.r.array_r[: bulk.num_owned] - pushed
-    loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
+    loads = np.concatenate([body.resultant(forces) for body in bodies.bodies])
     touching = [_touching(bodies, contact, loads) for contact in bodies.contacts]
-    motion = unresisted_motion(loads, Touching(*map(np.concatenate, zip(*touching, strict=True))))
-    ends = np.cumsum([len(body.motions) for body in bodies.bodies])[:-1]
-    found = [
-        (body, move)
-        for body, move in zip(bodies.bodies, np.split(motion, ends), strict=True)
-        if np.abs(move).max() > RIGID.resisted
-    ]
+    found = moved_by_loads(bodies, loads, Touching.joined(touching))
     if not found:
         return []
     where = "; ".join(beyond)
-    names = bodies.names([body for body, _ in found])
+    names = names_of([body for body, _ in found])
     body, move = max(found, key=lambda each: float(np.abs(each[1]).max()))
     return [
         f"pressures where the surfaces touch cannot balance {names}, as "
-        f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)}, but those of the "
+        f"{body.name} can {body.describe(move, directed=True)}, but those of the "
         f"solution act elsewhere ({where}): refine the facets there, or take the side that ends "
         "there, or has a corner there, as slave"
     ]
@@ -456,10 +454,7 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     x, n, slave, master = points(bodies, contact, near)
     n /= np.linalg.norm(n, axis=1)[:, None]
     rates = np.concatenate(
-        [
-            bodies.displacement(body, x, master) - bodies.displacement(body, x, slave)
-            for body in bodies.bodies
-        ]
+        [body.displacement(x, master) - body.displacement(x, slave) for body in bodies.bodies]
     )
     slips = [np.einsum("mpc,pc->pm", rates, along) for along in directions_across(n)]
     along_tangents = slips[0] if len(slips) == 1 else np.stack(slips, axis=1)
@@ -468,7 +463,7 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     weight = contact.operators.weight
     covered = float(weight[near].sum())
     pressure = float(np.abs(loads).sum()) / covered if covered > 0.0 else 0.0
-    slope, shear = contact.now.strength(pressure)
+    slope, shear = strength(contact.now, pressure)
     one = np.ones(len(opens))
     largest = 2.0 * float(slope[near].max(initial=0.0)) + LIMITS.negligible
     sheared = 2.0 * float((weight * shear)[near].sum())
@@ -493,7 +488,7 @@ def _points_on_obstacle(bodies: BodyMotions, contact: Contact, near: Flags) -> P
     The direction is that of the flatter side: of the obstacle, or of the facet where the normals of
     the obstacle at the ends of the facet differ by the angle of a corner.
     """
-    o, s = contact.on_obstacle, contact.intersections()
+    o, s = contact.operators, contact.intersections()
     at = np.linspace(-1.0, 1.0, 1 + int(np.ceil(2.0 / LIMITS.coarse_distance)))
     gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, at)
     chords = o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]]

@@ -17,10 +17,9 @@ more: 30 bricks with 1,200 segments 10 ms.
 
 Crossed surfaces in space: bodies that overlap in a state, and passages in a step.
 
-Depths and limits have the same meaning: after each solve the
-hulls of all bodies in pairs are checked, independently of the search for partners; ``overlaps``
-finds the points inside bodies, ``space_admitted`` the depths that the discretization admits,
-``space_passages`` the passages.
+Depths and limits have the same meaning: after each solve the hulls of all bodies in pairs are
+checked, independently of the search for partners. ``space_admitted`` finds the points inside bodies
+and the depths that the discretization admits, ``space_obstacles`` obstacles.
 """
 
 from __future__ import annotations
@@ -39,15 +38,15 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import extract_hull, extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import depths_inside
-from fenics_mortar.utils.arrays import HALF_FACET, SMALL_ANGLE, Array, Flags, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing, paired_nodes
 from fenics_mortar.verify.node_paths import (
     AcceptedPositions,
     LedBodies,
-    RigidPath,
     StepEnds,
 )
+from fenics_mortar.verify.obstacle_passages import pairs_of_obstacles
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,
@@ -66,7 +65,7 @@ from fenics_mortar.verify.space_admitted import (
     find_overlaps,
     remark_of,
 )
-from fenics_mortar.verify.space_passages import SpacePaths, obstacles_in_space
+from fenics_mortar.verify.space_obstacles import SpaceObstacle
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -160,37 +159,25 @@ class Crossings:
         found = self._between_bodies(self.accepted.x)
         return [str(crossing) for crossing in found if crossing.facets > crossing.admitted]
 
-    def _between_bodies(self, x: Array) -> list[Crossing]:
+    def _between_bodies(self, x: Array) -> Iterator[Crossing]:
         """Crossings of outlines with nodes at ``x`` (n, 2), see ``find``."""
-        rows, found = self._crossings(x, self._allowed(x)), list[Crossing]()
+        rows = self._crossings(x, self._allowed(x))
         rows = rows[~self._are_meaningless(x, rows)]
-        paired = self._admitted.are_paired(rows)
-        limits = self._admitted.of(x, rows, paired)
-        for are_paired in (True, False):
-            mine = paired == are_paired
-            found += self._found(rows[mine], limits[mine], are_paired)
-        return found
-
-    def _found(self, rows: Array, admitted: Array, are_paired: bool) -> Iterator[Crossing]:
-        """Deepest crossing of each pair of outlines among ``rows`` (k, 6), over ``admitted`` (k,).
-
-        Overlaps of the mesh are left out, except those between surfaces in contact.
-        """
-        in_contact = self._admitted.are_in_contact(rows)
-        bodies = self._bodies_in(rows)
-        for k, facets in self._deepest(bodies, rows[:, 2], admitted, in_contact):
-            row = rows[k]
-            sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
-            measures = float(row[3]), facets, float(admitted[k])
-            yield Crossing(sides, format_point(row[4:]), *measures, are_paired)
+        paired, in_contact = self._admitted.are_paired(rows), self._admitted.are_in_contact(rows)
+        limits, bodies = self._admitted.of(x, rows, paired), self._bodies_in(rows)
+        for k, facets in self._deepest(~paired, bodies, rows[:, 2], limits, in_contact):
+            first, second = (self._names.segment(int(segment)) for segment in rows[k, :2])
+            measures = float(rows[k, 3]), facets, float(limits[k]), bool(paired[k])
+            yield Crossing((first, second), format_point(rows[k, 4:]), *measures)
 
     def _deepest(
-        self, bodies: Indices, facets: Array, limits: Array, in_contact: Flags
+        self, kinds: Any, bodies: Indices, facets: Array, limits: Array, in_contact: Flags
     ) -> Iterator[tuple[int, float]]:
-        """Numbers of the deepest overlaps of each two bodies over their limits, and their depths.
+        """Deepest overlap of each kind of each two bodies, over its limit.
 
         Args:
-            bodies: The two bodies of each overlap, ascending, shape (k, 2).
+            kinds: Kind of each overlap, those of pairs first, shape (k,).
+            bodies: The two bodies of each one, ascending, shape (k, 2).
             facets: Depths, shape (k,) [facets].
             limits: Admitted depths, shape (k,) [facets].
             in_contact: Whether they are between surfaces in contact, shape (k,), bool; of others
@@ -199,10 +186,13 @@ class Crossings:
         Yields:
             Number, and a positive depth [facets].
         """
-        for pair, k in _firsts(bodies, facets / limits).items():
-            depth = float(facets[k]) - (0.0 if in_contact[k] else self._excused.get(pair, 0.0))
-            if depth > 0.0:
-                yield k, depth
+        for kind in np.unique(kinds):
+            at = np.flatnonzero(kinds == kind)
+            for pair, first in _firsts(bodies[at], (facets / limits)[at]).items():
+                k = int(at[first])
+                depth = float(facets[k]) - (0.0 if in_contact[k] else self._excused.get(pair, 0.0))
+                if depth > 0.0:
+                    yield k, depth
 
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
         """Folds of bodies with linear strains and small sliding, see ``overlap``, (k,), bool."""
@@ -220,7 +210,7 @@ class Crossings:
             x, o.segments, *self._links, o.lengths(x), self._segment_bodies, allowed
         )
 
-    def _bodies_in(self, rows: Array) -> Indices:
+    def _bodies_in(self, rows: Any) -> Indices:
         """The two bodies of each row (k, 6), ascending, shape (k, 2)."""
         return np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
 
@@ -335,15 +325,7 @@ class Crossings:
         if (self._free * (self._left - self._positions())).any():
             self.accept(places)
 
-    def passages(self, places: Array) -> list[str]:
-        """Messages on passages through bodies and obstacles since the accepted state.
-
-        Args:
-            places: Present positions of the obstacles, shape (obstacles, 3).
-        """
-        return self.passages_of_step(places)[0]
-
-    def passages_of_step(self, places: Array) -> tuple[list[str], list[str]]:
+    def passages(self, places: Array) -> tuple[list[str], list[str]]:
         """Messages on passages, and if there are none on possible ones.
 
         The latter depend on motions that positions at the start and the end do not tell.
@@ -353,12 +335,9 @@ class Crossings:
         """
         x0, x1, before = self.accepted.x, self._positions(), self.accepted.places
         doubtful = self.led.parts(self.led.doubtful(x0, x1))
-        ends = StepEnds(x0, x1, self._prescribed, before, places, self._known(), doubtful)
+        known = self.led.leading(self.accepted)
+        ends = StepEnds(x0, x1, self._prescribed, before, places, known, doubtful)
         return self.in_step.find(ends, self._allowed)
-
-    def _known(self) -> dict[int, RigidPath]:
-        """Motions of bodies by rigid boundaries, see ``StepEnds``."""
-        return self.led.leading(self.accepted)
 
 
 # Two bodies that overlap, ascending.
@@ -387,27 +366,33 @@ class SpaceCrossings(Crossings):
         self._found_at: tuple[Array, Overlaps] | None = None
         self._excused = self._as_meshed()
         of_pairs = self._contacts, self._slaves
-        self._obstacles = obstacles_in_space(*of_pairs, self.outline, self._names, self._in_space)
+        self._obstacles = [
+            SpaceObstacle(number, *each, self.outline, self._names, self._in_space)
+            for number, each in enumerate(pairs_of_obstacles(*of_pairs).items())
+        ]
         given = self.outline, *of_pairs, self._names, self._excused
-        self.in_step = SpacePassages(*given, paths=SpacePaths, obstacles=self._obstacles)
+        self.in_step = SpacePassages(*given, obstacles=self._obstacles)
 
     def _at_obstacles(self, x: Array) -> Iterator[Crossing]:
         """The deepest point of each obstacle in each body, over its limit, for each ``Kind``."""
         for obstacle in self._obstacles:
             yield from obstacle.find(x, self._prescribed)
 
-    def _between_bodies(self, x: Array) -> list[Crossing]:
+    def _between_bodies(self, x: Array) -> Iterator[Crossing]:
         overlaps, across = self._in_space.measured(x, self._overlaps(x))
         facets = self._facets(x, overlaps, self._allowed(x))
         kinds = self._in_space.kinds(x, overlaps, facets)
         through = (kinds == Kind.UNPAIRED) & self._in_space.are_through(x, overlaps)
         kinds[through] = Kind.THROUGH
         limits = self._in_space.of(x, overlaps, kinds)
-        found = list[Crossing]()
-        for kind in Kind:
-            at = np.flatnonzero((kinds == kind) & (facets > 0.0))
-            found += self._deepest_of(overlaps.select(at), facets[at], limits[at], across[at], kind)
-        return found
+        bodies, in_contact = self._bodies_in(overlaps), self._in_space.are_in_contact(overlaps)
+        for k, depth in self._deepest(kinds, bodies, facets, limits, in_contact):
+            kind, node, triangle = Kind(kinds[k]), overlaps.nodes[k, 0], overlaps.triangles[k]
+            sides = self._names.node(int(node)), self._names.segment(int(triangle))
+            measures = float(overlaps.depths[k]), depth, float(limits[k]), kind != Kind.UNPAIRED
+            hint = self._in_space.hint(kind, _OTHER_ROLES) + ACROSS * bool(across[k])
+            remark = ALWAYS if across[k] else remark_of(kind)
+            yield Crossing(sides, format_point(overlaps.points[k]), *measures, hint, remark)
 
     def _overlaps(self, x: Array) -> Overlaps:
         """``find_overlaps`` at positions ``x`` (n, 3), kept for the next call."""
@@ -425,28 +410,11 @@ class SpaceCrossings(Crossings):
         )
         return np.asarray((depths - slack) / sizes)
 
-    def _bodies_of_overlaps(self, overlaps: Overlaps) -> Indices:
+    def _bodies_in(self, overlaps: Any) -> Indices:
         """The two bodies of each overlap, ascending, shape (k, 2)."""
         nodes, triangles, _, _ = overlaps
         both = self.outline.bodies[nodes[:, 0]], self.outline.segment_bodies[triangles]
         return np.sort(np.stack(both, axis=1), axis=1)
-
-    def _deepest_of(
-        self, overlaps: Overlaps, facets: Array, limits: Array, across: Flags, kind: Kind
-    ) -> Iterator[Crossing]:
-        """The deepest of the overlaps of each two bodies, over their ``limits`` (k,)."""
-        in_contact = self._in_space.are_in_contact(overlaps)
-        bodies = self._bodies_of_overlaps(overlaps)
-        for k, depth in self._deepest(bodies, facets, limits, in_contact):
-            sides = (
-                self._names.node(int(overlaps.nodes[k, 0])),
-                self._names.segment(int(overlaps.triangles[k])),
-            )
-            where = format_point(overlaps.points[k])
-            measures = float(overlaps.depths[k]), depth, float(limits[k])
-            hint = self._in_space.hint(kind, _OTHER_ROLES) + ACROSS * bool(across[k])
-            remark = ALWAYS if across[k] else remark_of(kind)
-            yield Crossing(sides, where, *measures, kind != Kind.UNPAIRED, hint, remark)
 
     def _as_meshed(self) -> dict[Bodies, float]:
         """Overlap of bodies in the mesh [facets]."""
@@ -455,7 +423,7 @@ class SpaceCrossings(Crossings):
         self._refuse_double_cover(overlaps)
         overlaps = overlaps.select(~self._in_space.are_in_contact(overlaps))
         facets = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
-        return self._excuse(self._bodies_of_overlaps(overlaps), facets)
+        return self._excuse(self._bodies_in(overlaps), facets)
 
     def _refuse_double_cover(self, overlaps: Overlaps) -> None:
         """Refuse a body inside another one or itself, as ``bulk.bodies`` in the plane.
@@ -490,19 +458,8 @@ class SpaceCrossings(Crossings):
         overlaps = self._overlaps(x)
         is_node = overlaps.nodes[:, 0] == overlaps.nodes[:, 1]
         is_node &= self._facets(x, overlaps, self._allowed(x)) > LIMITS.unpaired
-        nodes, bodies = overlaps.nodes[:, 0], self._bodies_of_overlaps(overlaps)
+        nodes, bodies = overlaps.nodes[:, 0], self._bodies_in(overlaps)
         return [
             np.unique(self.outline.nodes[nodes[is_node & np.isin(bodies, pair).all(axis=1)]])
             for pair in self._of_pairs
         ]
-
-    def _known(self) -> dict[int, RigidPath]:
-        """Motions of bodies by rigid boundaries that their prescribed nodes followed."""
-        (x0, x1), found = (self.accepted.x, self._positions()), dict[int, RigidPath]()
-        for body, motion in self.led.leading(self.accepted).items():
-            mine = self._prescribed & (self.outline.bodies == body)
-            apart = motion.carry(x0[mine], 1.0) - x1[mine]
-            size = float(np.abs(x0[mine] - motion.start).max(initial=0.0))
-            if np.abs(apart).max(initial=0.0) <= SMALL_ANGLE * size:
-                found[body] = motion
-        return found

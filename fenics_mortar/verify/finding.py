@@ -157,16 +157,23 @@ class Measured:
         contact: The pair.
         paired: Global numbers of the nodes with a partner in any pair, ascending.
         inside: Global numbers of nodes of the pair inside another body of it, ascending.
+        solved: Force up to which the equations are solved [stress length].
     """
 
     contact: Contact
     paired: Indices
     inside: Indices
+    solved: float
 
     @cached_property
     def pressure(self) -> Array:
         """Normal multipliers, shape (slave nodes,) [stress]."""
         return np.asarray(np.einsum("jc,jc->j", self.contact.operators.n, self.contact.z))
+
+    @cached_property
+    def is_pressed(self) -> bool:
+        """Whether the normal forces are more than the error of the solution."""
+        return float(np.maximum(self.pressure, 0.0) @ self.contact.operators.weight) > self.solved
 
     @cached_property
     def friction_limit(self) -> Array:

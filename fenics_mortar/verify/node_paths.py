@@ -4,12 +4,13 @@
 The motion of an obstacle between two places is known: its pivot moves on a straight line, and its
 angle grows from one value to the other, also by more than a full turn. So is that of a body on a
 rigid boundary. Of other bodies only the ends of the path of each node are known. Their motion is
-fitted: a centre on a straight line and a rotation, of less than half a turn. The centre is that of
-the prescribed nodes, if there are any, or the fixed point of their motion if this point is nearer
-than the farthest node, as for a paddle that turns about its hub. The fixed point of a wheel that
-rolls is not: it is R a / (2 sin a/2) > R away. Bodies without prescribed nodes may be carried
-along: their paths are fitted in the frame in which they move least, that of space, of an obstacle
-or of a body with prescribed nodes.
+fitted: a centre on a straight line and a rotation, of less than half a turn. Meanwhile bodies are
+strained at a constant rate. The centre is that of the prescribed nodes, if there are any, or the
+fixed point of their motion if this point is nearer than the farthest node, as for a paddle that
+turns about its hub. The fixed point of a wheel that rolls is not: it is R a / (2 sin a/2) > R away.
+In space it moves along an axis. Bodies without prescribed nodes may be carried along: their paths
+are fitted in the frame in which they move least, that of space, of an obstacle or of a body with
+prescribed nodes.
 
 A rotation by more than a sixth of a turn may as well have had the other sense, or another centre:
 see ``Alternative``.
@@ -26,7 +27,7 @@ evaluated within each step as well: see ``path.stepping``.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -34,19 +35,11 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.arcs import LEADS, Carried, rotated_by
+from fenics_mortar.contact.arcs import LEADS, Carried, moved_by
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.rigid_motion import TURNS, polar, rotation_by, vector_of
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import (
-    ROUNDING,
-    SMALL_ANGLE,
-    TINY,
-    Array,
-    Value,
-    cross_in_plane,
-    norms,
-)
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, Value, norms
 from fenics_mortar.verify.finding import LIMITS
 
 if TYPE_CHECKING:
@@ -178,14 +171,13 @@ class LedBodies:
         led = zip(self._leaders.items(), accepted.leaders, self.places, strict=True)
         return {body: motion_of(leader, *ends) for (body, leader), *ends in led}
 
-    def _positions(self) -> Array:
-        return self._outline.positions(self._bulk.u.x.array)
+    def positions(self) -> Array:
+        """Positions of the outlines' nodes, shape (n, d) [length] (collective)."""
+        return self._outline.positions(self._bulk.values)
 
-    def _prescribed_positions(self) -> Array:
-        """Positions of the outlines' nodes, of prescribed ones by their values."""
-        values = self._bulk.values.copy()
-        compat.set_prescribed(values, self._bulk.bcs)
-        return self._outline.positions(values)
+    def prescribed_positions(self) -> Array:
+        """The same with prescribed nodes at their values, shape (n, d) [length] (collective)."""
+        return self._outline.positions(self._bulk.values_as_prescribed())
 
     def carried(self, accepted: AcceptedPositions, *, solved: bool = False) -> Carried | None:
         """The outlines' nodes after the motions that lead bodies in this step; see ``arcs``.
@@ -195,14 +187,14 @@ class LedBodies:
         """
         if not (solved or self.may_turn):
             return None
-        x1 = self._positions() if solved else self._prescribed_positions()
+        x1 = self.positions() if solved else self.prescribed_positions()
         found = self._carried(accepted.x, x1, self.leading(accepted), solved=solved)
         leads = np.nan_to_num(norms(found.turn)).max(initial=0.0) > LEADS
         return found if leads else None
 
     def carried_from_here(self) -> Carried:
         """The outlines' nodes after motions from where they are to prescribed values."""
-        return self._carried(self._positions(), self._prescribed_positions(), {})
+        return self._carried(self.positions(), self.prescribed_positions(), {})
 
     def _carried(
         self, x0: Array, x1: Array, known: Mapping[int, RigidPath], *, solved: bool = False
@@ -230,7 +222,7 @@ class LedBodies:
             led, parts = mine & self.prescribed, set(self._parts[mine].tolist())
             leader = next((known[part] for part in sorted(parts) if part in known), None)
             led = led if not solved or tells_turn(x0[led]) else mine
-            path = path_of(x0[led], x1[led], x0[mine]) if leader is None else leader
+            path = leader or path_of(x0[led], x1[led]).about_fixed_point(x0[mine])
             apart, moved = (norms(path.carry(x0[led], 1.0) - x).max() for x in (x1[led], x0[led]))
             if leader is None and apart > STRETCHED * moved and (led != mine).any():
                 turn[mine] = np.nan if np.linalg.norm(path.turn) > SMALL_ANGLE else 0.0
@@ -262,7 +254,7 @@ class LedBodies:
 
         With friction or wear only; see ``messages``.
         """
-        x0, x1 = accepted.x, self._positions()
+        x0, x1 = accepted.x, self.positions()
         of_pairs = self._rubbing()
         turns, notes = self.doubtful(x0, x1, ROUNDING) if of_pairs else {}, list[str]()
         for sides in of_pairs:
@@ -302,7 +294,7 @@ class LedBodies:
             places: Present positions of the obstacles, shape (obstacles, 3).
             told: Numbers of pairs of which the turns at nodes are told.
         """
-        x0, x1 = accepted.x, self._positions()
+        x0, x1 = accepted.x, self.positions()
         moved = not np.array_equal(accepted.places, places)
         of_pairs = self._rubbing(told)
         if self.examined or not self.may_turn or not of_pairs:
@@ -312,17 +304,17 @@ class LedBodies:
             names = self._of_functions(of_pairs)
             text = "nothing moved in the step; prescribed values may have turned"
             return [f"{text} {name} by full turns: {OTHERWISE}" for name in names[:1]]
-        turns, found = self.doubtful(x0, x1), list[str]()
+        turns = self.doubtful(x0, x1)
         for sides in of_pairs:
             angle = float(np.degrees(np.linalg.norm(self.relative(sides, turns))))
             if angle > np.degrees(TOLD_TURN):
                 sizes = {float(np.linalg.norm(turns[b])): b for b in sides if b in turns}
-                found.append(
+                return [
                     f"prescribed values turned {self._names[sizes[max(sizes)]]} by {angle:.0f} "
                     f"degrees in the step, if not by {360.0 - angle:.0f} the other way round: "
                     f"{OTHERWISE}"
-                )
-        return found[:1]
+                ]
+        return []
 
     def _of_functions(self, of_pairs: Sequence[tuple[int, int]]) -> list[str]:
         """Names of led bodies of pairs, if functions that are not zero prescribe values."""
@@ -349,9 +341,10 @@ def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
     if not tells_turn(x0):
         return none
     R, _ = polar(y1.T @ y0)
-    apart, moved = (np.linalg.norm(y - y0 @ R.T) for y in (y1, y0))
-    if apart / stretched > moved:
-        return none
+    if stretched < np.inf:
+        apart, moved = (np.linalg.norm(y - y0 @ R.T) for y in (y1, y0))
+        if apart > stretched * moved:
+            return none
     return vector_of(R)
 
 
@@ -372,8 +365,7 @@ def _rubs(contact: Contact | Tie) -> bool:
     return bool((law.has_friction or law.needs_nodal_state) and contact.active.any())
 
 
-@dataclass(frozen=True)
-class RigidPath:
+class RigidPath(NamedTuple):
     """Motion of a rigid frame in a step: a point on a straight line, and a rotation about it.
 
     Attributes:
@@ -403,38 +395,61 @@ class RigidPath:
         """Positions at the start of points that are at ``x`` (n, dim) at ``t`` [length]."""
         return self.start + self.turned(x - self._centre(t), -t)
 
+    def is_followed(self, x0: Array, x1: Array) -> bool:
+        """Whether nodes (n, dim) [length], one or more, follow the motion from ``x0`` to ``x1``.
+
+        Not if they were not where a rigid boundary was at the start.
+        """
+        apart = norms(self.carry(x0, 1.0) - x1).max(initial=0.0)
+        return bool(apart <= SMALL_ANGLE * norms(x0 - self.start).max(initial=0.0))
+
+    def turns_as(self, other: RigidPath) -> bool:
+        """Whether another motion has the same rotation, up to full turns."""
+        apart = rotation_by(self.turn) @ rotation_by(other.turn).T
+        return bool(np.linalg.norm(vector_of(apart)) <= SMALL_ANGLE)
+
     def _centre(self, t: float) -> Array:
         return self.start + t * (self.end - self.start)
 
     def backwards(self) -> RigidPath:
         """The motion to the same positions with the other sense of rotation."""
         factor = 1.0 - 2.0 * np.pi / abs(self.angle) if self.angle else 0.0
-        return replace(self, turn=factor * self.turn)
+        return self._replace(turn=factor * self.turn)
+
+    def about_fixed_point(self, body: Array, *, inside: bool = True) -> RigidPath:
+        """The motion about a fixed point, in space along an axis, to the same positions.
+
+        Args:
+            body: Nodes of the body at the start, shape (n, dim) [length]. The point is inside the
+                body if it is nearer to ``start`` than the farthest one.
+            inside: Whether the point has to be inside the body, or outside.
+
+        Returns:
+            The motion itself if the point is elsewhere, or if nothing turns.
+        """
+        angle, dim = abs(self.angle), self.start.size
+        if angle <= SMALL_ANGLE:
+            return self
+        axis = np.pad(self.turn, (3 - self.turn.size, 0)) / angle
+        shift = np.pad(self.end - self.start, (0, 3 - dim))
+        across = shift - (axis @ shift) * axis
+        to_axis = 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
+        if (np.linalg.norm(to_axis) < norms(body - self.start).max()) != inside:
+            return self
+        fixed = self.start + to_axis[:dim]
+        return RigidPath(fixed, fixed + (shift - across)[:dim], self.turn)
 
 
-def path_of(x0: Array, x1: Array, body: Array) -> RigidPath:
-    """Rigid motion of nodes (n, d) from ``x0`` to ``x1``, of a body with nodes at ``body`` (m, d).
+def path_of(x0: Array, x1: Array, stretched: float = np.inf) -> RigidPath:
+    """Rigid motion that fits that of nodes (n, d) from ``x0`` to ``x1`` best (Kabsch 1976) (local).
 
-    The mean of the nodes moves on a straight line, or all turn about a fixed point, in space an
-    axis, that is inside the body, as near to the mean as its farthest node (local).
+    The mean of the nodes moves on a straight line; for ``stretched`` see ``turn_of``.
     """
-    turn, start, end = turn_of(x0, x1, np.inf), x0.mean(axis=0), x1.mean(axis=0)
-    angle, dim = float(np.linalg.norm(turn)), x0.shape[1]
-    if angle <= SMALL_ANGLE:
-        return RigidPath(start, end, turn)
-    axis = np.pad(turn, (3 - turn.size, 0)) / angle
-    shift = np.pad(end - start, (0, 3 - dim))
-    across = shift - (axis @ shift) * axis
-    to_axis = 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
-    if np.linalg.norm(to_axis) >= norms(body - start).max():
-        return RigidPath(start, end, turn)
-    fixed = start + to_axis[:dim]
-    return RigidPath(fixed, fixed + (shift - across)[:dim], turn)
+    return RigidPath(x0.mean(axis=0), x1.mean(axis=0), turn_of(x0, x1, stretched))
 
 
 # Alternative to the motions of bodies, see ``Motions``; "" for none.
 Alternative = Literal["", "sense", "centre"]
-AT_REST = RigidPath(np.zeros(2), np.zeros(2), np.zeros(1))
 NONE_KNOWN: Mapping[int, RigidPath] = {}
 
 
@@ -483,7 +498,7 @@ def motion_of(mover: RigidMotion, before: Array, after: Array) -> RigidPath:
 
 
 class Motions:
-    """Rigid motions of bodies in a step, least-squares fits to the motions of nodes (local).
+    """Motions of bodies in a step: rigid ones, and a strain at a constant rate (local).
 
     Args:
         ends: Both ends of the step; rotations of ``doubtful`` bodies by more than ``TOLD_TURN`` may
@@ -495,7 +510,8 @@ class Motions:
 
     Attributes:
         labels: The bodies, shape (b,).
-        angles: Their rotations, shape (b,) [radian].
+        of_node: Number of the body of each node, shape (n,).
+        paths: The rigid motions of the bodies.
         are_led: Whether a body has prescribed nodes, shape (b,), bool.
         are_known: Whether the motion of a body is known, shape (b,), bool.
         two_ways: Whether its rotation may have had the other sense, shape (b,), bool.
@@ -504,88 +520,65 @@ class Motions:
     def __init__(
         self, ends: StepEnds, bodies: tuple[Indices, Indices], other: Alternative = ""
     ) -> None:
-        self._x0, self._x1 = x0, x1 = ends[:2]
-        self.labels, self.of_node = bodies
-        led = np.zeros(len(x0), bool) if ends.prescribed is None else ends.prescribed
-        self.are_led: Flags = np.bincount(self.of_node[led], minlength=self.labels.size) > 0
-        weight = np.where(self.are_led[self.of_node], led, 1.0)[:, None]
-        self._start, self._end = self._mean(x0, weight), self._mean(x1, weight)
-        self.angles: Array = self._fit(weight)
-        far = np.abs(self.angles) > LIMITS.two_ways
-        turned = np.abs(self.angles) > TOLD_TURN  # not as seen from the body itself
-        self.two_ways: Flags = far | (turned & np.isin(self.labels, list(ends.doubtful)))
-        if other == "sense":
-            self.angles -= np.where(self.two_ways, 2.0 * np.pi * np.sign(self.angles), 0.0)
-        self._turn_about_fixed_points(far & (other == "centre"))
-        self.are_known: Flags = np.zeros(self.labels.size, bool)
-        for i, body in enumerate(self.labels.tolist()):
-            if body in ends.known:
-                self._take(i, ends.known[body])
+        self._x0, (self.labels, self.of_node) = ends.x0, bodies
+        count = self.labels.size
+        self._nodes = [np.flatnonzero(self.of_node == body) for body in range(count)]
+        self.are_led, self.are_known, self.two_ways = np.zeros((3, count), bool)
+        self.paths = [self._path(body, ends, other) for body in range(count)]
+        each = (np.array(values)[self.of_node] for values in zip(*self.paths, strict=True))
+        self._start, self._end, turn = each
+        self._angle = self.angles[self.of_node, None]
+        self._axis = turn / np.maximum(self._angle, TINY)
+        self._strain = self._turned(ends.x1 - self._end, -1.0) - (ends.x0 - self._start)
 
-    def _take(self, i: int, known: RigidPath) -> None:
-        """Take a known motion of body ``i``, if the fitted one equals it up to full turns."""
-        turns = (known.angle - self.angles[i]) / (2.0 * np.pi)
-        if 2.0 * np.pi * abs(turns - np.round(turns)) > SMALL_ANGLE:
-            return  # nodes were not where the boundary was at the start
-        self.are_known[i], self.two_ways[i] = True, False
-        self._start[i], self._end[i] = known.start, known.end
-        self.angles[i] = known.angle
+    def _path(self, body: int, ends: StepEnds, other: Alternative) -> RigidPath:
+        """The motion of a body: a known one, or that of its prescribed nodes, or of all.
 
-    def _mean(self, values: Array, weight: Array) -> Array:
-        """Means of values (n, 2) with weights (n, 1) over the nodes of each body, (b, 2)."""
-        return self._sums(values * weight) / self._sums(weight)
-
-    def _sums(self, values: Array) -> Array:
-        """Sums of values (n, k) over the nodes of each body, shape (b, k)."""
-        k = values.shape[1]
-        at = (k * self.of_node[:, None] + np.arange(k)).ravel()
-        sums = np.bincount(at, values.ravel(), k * self.labels.size)
-        return np.asarray(sums.reshape(-1, k), float)
-
-    def _fit(self, weight: Array) -> Array:
-        """Angles of the rotations about the centres (b,); of all nodes if one is prescribed."""
-        y0, y1 = self._x0 - self._start[self.of_node], self._x1 - self._end[self.of_node]
-        products = np.stack([(y0 * y1).sum(axis=1), cross_in_plane(y0, y1)], 1)
-        sums, every = self._sums(products * weight), self._sums(products)
-        is_point = np.abs(sums).max(axis=1) <= TINY
-        dot, cross = np.where(is_point[:, None], every, sums).T
-        return np.asarray(np.arctan2(cross, dot))
-
-    def _turn_about_fixed_points(self, exchanged: Flags) -> None:
-        """Move the centres of bodies with prescribed nodes to fixed points inside the bodies.
-
-        For bodies marked in ``exchanged`` (b,) to fixed points outside instead.
+        Prescribed nodes that do not tell a rotation are a pin or a hinge line, about which all
+        turn. A part without such nodes, tied to a rigid boundary, follows it if it turned as far.
         """
-        may = self.are_led & (np.abs(self.angles) > SMALL_ANGLE)
-        if not may.any():
-            return
-        shift, half = self._end - self._start, 0.5 * self.angles
-        with np.errstate(divide="ignore", invalid="ignore"):
-            across = np.stack([-shift[:, 1], shift[:, 0]], axis=1) / np.tan(half)[:, None]
-            away = 0.5 * np.hypot(*shift.T) / np.abs(np.sin(half))
-        reach = np.zeros(self.labels.size)
-        np.maximum.at(reach, self.of_node, np.hypot(*(self._x0 - self._start[self.of_node]).T))
-        about = may & ((away < reach) != exchanged)
-        fixed = 0.5 * (self._start + self._end + across)
-        self._start = np.where(about[:, None], fixed, self._start)
-        self._end = np.where(about[:, None], fixed, self._end)
+        (x0, x1), mine, label = ends[:2], self._nodes[body], int(self.labels[body])
+        led = mine[:0] if ends.prescribed is None else mine[ends.prescribed[mine]]
+        self.are_led[body] = led.size > 0
+        tell = led if tells_turn(x0[led]) else mine
+        path = path_of(x0[tell], x1[tell])
+        if led.size and tell is mine:
+            start, end = x0[led].mean(axis=0), x1[led].mean(axis=0)
+            turn = vector_of(polar((x1[mine] - end).T @ (x0[mine] - start))[0])
+            path = RigidPath(start, end, turn)
+        known = ends.known.get(label)
+        if known and (known.is_followed(x0[led], x1[led]) if tell is led else known.turns_as(path)):
+            self.are_known[body] = True
+            return known
+        far = abs(path.angle) > LIMITS.two_ways
+        turned = abs(path.angle) > TOLD_TURN  # not as seen from the body itself
+        self.two_ways[body] = far or (turned and label in ends.doubtful)
+        if other == "sense" and self.two_ways[body]:
+            path = path.backwards()
+        if not led.size:
+            return path
+        return path.about_fixed_point(x0[mine], inside=not (far and other == "centre"))
 
-    def of(self, body: int) -> RigidPath:
-        """The motion of the body with the number ``body`` in ``labels``."""
-        return RigidPath(self._start[body], self._end[body], self.angles[body : body + 1])
+    @property
+    def angles(self) -> Array:
+        """Sizes of the rotations of the bodies, shape (b,) [radian]."""
+        return np.array([abs(path.angle) for path in self.paths])
 
     def distances_to(self, x: Array) -> Array:
-        """Root mean squares of the distances of nodes from ``x`` (n, 2), by body, (b,) [length]."""
-        square = ((x - self._x0) ** 2).sum(axis=1)[:, None]
-        return np.asarray(np.sqrt(self._mean(square, np.ones_like(square))[:, 0]))
+        """Root mean squares of the distances of nodes from ``x`` (n, d), by body, (b,) [length]."""
+        squares = ((x - self._x0) ** 2).sum(axis=1)
+        return np.sqrt(np.array([squares[mine].mean() for mine in self._nodes]))
 
     def at(self, t: float) -> Array:
-        """Positions of the nodes at the time ``t``, 0 to 1, shape (n, 2) [length]."""
-        i = self.of_node
-        y0 = self._x0 - self._start[i]
-        y1 = rotated_by(self._x1 - self._end[i], -self.angles[i])
+        """Positions of the nodes at the time ``t``, 0 to 1, shape (n, d) [length]."""
         centre = self._start + t * (self._end - self._start)
-        return centre[i] + rotated_by(y0 + t * (y1 - y0), t * self.angles[i])
+        return centre + self._turned(self._x0 - self._start + t * self._strain, t)
+
+    def _turned(self, vectors: Array, t: float) -> Array:
+        """Vectors (n, d) at the nodes turned by the rotations up to ``t``, negative: back."""
+        once = moved_by(self._axis, vectors)
+        twice, angle = moved_by(self._axis, once), t * self._angle
+        return vectors + np.sin(angle) * once + (1.0 - np.cos(angle)) * twice
 
 
 class Paths:
@@ -621,8 +614,10 @@ class Paths:
         self._fit: Callable[..., Motions] = fit
         self.motions = obstacles
         self._bodies = fit(self._x1, ends.known)
-        leaders = [self._bodies.of(i) for i in np.flatnonzero(self._bodies.are_led)]
-        self._carriers = [AT_REST, *(c for c in (*obstacles.values(), *leaders) if c.angle)]
+        leaders = [self._bodies.paths[i] for i in np.flatnonzero(self._bodies.are_led)]
+        origin = np.zeros(self._x0.shape[1])
+        at_rest = RigidPath(origin, origin, np.zeros(len(TURNS[origin.size])))
+        self._carriers = [at_rest, *(c for c in (*obstacles.values(), *leaders) if c.angle)]
         self._choose_carriers()
 
     @property
@@ -632,17 +627,21 @@ class Paths:
 
     def _choose_carriers(self) -> None:
         """Find the frame in which each body moves least, and its motion there."""
+        if len(self._carriers) == 1:  # nothing turns that may carry others along
+            self._relative, self._carrier = self._bodies, np.zeros(len(self._bodies.paths), int)
+            self._least = self._bodies.distances_to(self._x1)
+            self._least[self._bodies.are_known] = 0.0
+            return
         i, led = self._bodies.of_node, self._bodies.are_led
         ends = np.array([carrier.back(self._x1, 1.0) for carrier in self._carriers])
         distances = np.array([self._bodies.distances_to(end) for end in ends])
         distances[1:, led | self._bodies.are_known] = np.inf
-        self._carrier: Indices = distances.argmin(axis=0)
-        self._least: Array = distances.min(axis=0)
+        self._carrier, self._least = distances.argmin(axis=0), distances.min(axis=0)
         self._relative = self._fit(ends[self._carrier[i], np.arange(len(i))], self._known)
         self._least[self._relative.are_known] = 0.0
 
     def at(self, t: float) -> Array:
-        """Positions of the nodes in space at the time ``t``, 0 to 1, shape (n, 2) [length]."""
+        """Positions of the nodes in space at the time ``t``, 0 to 1, shape (n, d) [length]."""
         x = self._relative.at(t)
         for k in np.unique(self._carrier):
             mine = self._carrier[self._bodies.of_node] == k
@@ -650,20 +649,20 @@ class Paths:
         return x
 
     def seen_from(self, label: int) -> Array:
-        """Paths of the nodes in the frame of a body or an obstacle, shape (m + 1, n, 2) [length].
+        """Paths of the nodes in the frame of a body or an obstacle, shape (m + 1, n, d) [length].
 
         Bodies that move less in this frame than in that of their carrier are carried by it.
         """
         frame = [self.motions[label]] if label in self.motions else self._frame_of(label)
         end, none = _back(frame, self._x1, 1.0), self._x0[:0]
-        carriers = np.array([carrier.angle for carrier in self._carriers])
-        angles = np.abs(carriers[self._carrier]) + np.abs(self._relative.angles)
+        carriers = np.array([abs(carrier.angle) for carrier in self._carriers])
+        angles = carriers[self._carrier] + self._relative.angles
         angles += sum(abs(rotation.angle) for rotation in frame)
         if not self._times(angles.max(initial=0.0), frame, none).size:
             return np.array([self._x0, end])  # straight, whatever carries the bodies
         inside = self._fit(end)
         carried = inside.distances_to(end) < self._least
-        angle = float(np.where(carried, np.abs(inside.angles), angles).max(initial=0.0))
+        angle = float(np.where(carried, inside.angles, angles).max(initial=0.0))
         along, carried = list[Array](), carried[inside.of_node]
         for t in self._times(angle, frame, none):
             far = self._x0 if carried.all() else _back(frame, self.at(t), t)
@@ -672,7 +671,7 @@ class Paths:
 
     def _frame_of(self, body: int) -> list[RigidPath]:
         i = int(np.searchsorted(self._bodies.labels, body))
-        return [self._relative.of(i), self._carriers[self._carrier[i]]]
+        return [self._relative.paths[i], self._carriers[self._carrier[i]]]
 
     def points_seen_from(self, body: int, label: int, points: Array) -> tuple[Array, Array]:
         """Paths of points of an obstacle and of a body's nodes in the frame of the body.
@@ -680,15 +679,15 @@ class Paths:
         Args:
             body: The body.
             label: Label of the obstacle.
-            points: Positions of its points at the start, shape (k, 2) [length].
+            points: Positions of its points at the start, shape (k, d) [length].
 
         Returns:
-            Of the points (m + 1, k, 2) and of the nodes (m + 1, n, 2) [length].
+            Of the points (m + 1, k, d) and of the nodes (m + 1, n, d) [length].
         """
         frame, obstacle = self._frame_of(body), self.motions[label]
         end, i = obstacle.back(self._x1, 1.0), int(np.searchsorted(self._bodies.labels, body))
         if self._bodies.distances_to(end)[i] < self._least[i]:
-            frame = [self._fit(end).of(i), obstacle]
+            frame = [self._fit(end).paths[i], obstacle]
         end = _back(frame, self._x1, 1.0)
         angle = abs(obstacle.angle) + sum(abs(rotation.angle) for rotation in frame)
         times = np.array([0.0, *self._times(angle, [obstacle, *frame], points), 1.0])
@@ -701,30 +700,18 @@ class Paths:
         Args:
             angle: The rotation [radian].
             frame: Rotations, of which the centres count.
-            points: Points besides the nodes, shape (k, 2) [length].
+            points: Points besides the nodes, shape (k, d) [length].
         """
         every, centres = np.concatenate([points, self._box]), np.array([r.start for r in frame])
-        reach = np.hypot(*np.abs(every[:, None] - centres).max(axis=0).T).max()
-        sections = num_sections(angle, reach, self._resolution)
+        reach = norms(np.abs(every[:, None] - centres).max(axis=0)).max()
+        largest = np.sqrt(8.0 * self._resolution / max(reach, TINY))  # the sagitta is r a^2 / 8
+        largest = max(min(largest, LIMITS.section_turn), TINY)
+        sections = int(np.clip(np.ceil(angle / largest), 1, LIMITS.max_points))
         return np.arange(1, sections) / sections
 
 
-def num_sections(angle: float, reach: float, resolution: float) -> int:
-    """Number of straight sections of the paths of points that turn (local).
-
-    The sagitta of a chord of angle a is r a^2 / 8.
-
-    Args:
-        angle: Angle of the rotation [radian].
-        reach: Distance r of the farthest point from its centre [length].
-        resolution: Largest distance of a path from its sections [length].
-    """
-    largest = min(np.sqrt(8.0 * resolution / max(reach, TINY)), LIMITS.section_turn)
-    return int(min(max(np.ceil(angle / max(largest, TINY)), 1), LIMITS.max_points))
-
-
 def _back(frame: Sequence[RigidPath], x: Array, t: float) -> Array:
-    """Move positions ``x`` (n, 2) [length] with a frame from the time ``t`` to the start."""
+    """Move positions ``x`` (n, d) [length] with a frame from the time ``t`` to the start."""
     for rotation in reversed(frame):
         x = rotation.back(x, t)
     return x

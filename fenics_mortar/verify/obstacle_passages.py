@@ -22,7 +22,6 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import rotation_by
 from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS
@@ -84,19 +83,6 @@ def nodes_through(
         f"{count} nodes of {name(first)} went through obstacle '{obstacle.name}', and one at "
         f"{format_point(x1[first])} ended {depth[first]:.3g} beyond its surface, {ADVICE}"
     ]
-
-
-def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Points ``x`` (n, d) [length] in the frame of an obstacle at ``place`` (m,), shape (n, d)."""
-    dim = obstacle.dim
-    return (x - obstacle.pivot - place[:dim]) @ rotation_by(place[dim:]) + obstacle.pivot
-
-
-def in_space(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Points ``x`` (n, d) [length] of an obstacle at ``place`` (m,), in space, shape (n, d)."""
-    dim = obstacle.dim
-    turned = (x - obstacle.pivot) @ rotation_by(place[dim:]).T
-    return turned + obstacle.pivot + place[:dim]
 
 
 def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array]:

@@ -45,10 +45,10 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import mapped
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.interface.curve_surface import Curve
+from fenics_mortar.interface.faces import find_pairs
 from fenics_mortar.interface.facing import Facing, Points, both_sides, points_of, rule_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.reference import gauss_points, tabulate
-from fenics_mortar.interface.space_mortar import find_pairs
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.kernels.space.inside import depths_inside as depths_inside_hull
 from fenics_mortar.kernels.tree import build_tree
@@ -192,7 +192,7 @@ def depths_of_obstacle(
         slave: Numbers of the slave nodes in the outlines, shape (slave nodes,).
         x: Positions of the outlines' nodes, shape (n, 2) [length].
     """
-    o = contact.now.on_obstacle
+    o = contact.operators
     points = np.concatenate([o.nearest_points(), o.obstacle.to_space(o.obstacle.salient_points())])
     given = points, contact.now.offset, lambda at: o.obstacle.evaluate(at)[0]
     bodies = np.unique(outline.bodies[slave]).tolist()

@@ -27,6 +27,9 @@ import numpy as np
 from fenics_mortar.kernels import passage
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.kernels.space import passage as space_passage
+from fenics_mortar.kernels.space.triangles import nearest_triangle
+from fenics_mortar.kernels.tree import build_tree
+from fenics_mortar.obstacles.rigid_motion import at_place
 from fenics_mortar.utils.arrays import (
     HALF_FACET,
     ROUNDING,
@@ -42,9 +45,7 @@ from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds, motion_of
 from fenics_mortar.verify.obstacle_passages import (
     ADVICE,
-    in_space,
     nodes_through,
-    own_frame,
     pairs_of_obstacles,
 )
 from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
@@ -98,7 +99,6 @@ class Passages:
         excused: Overlaps of bodies in the mesh [facets], inf for pairs without messages.
     """
 
-    paths: type[Any] = Paths
     find_events: Callable[..., Array] = staticmethod(passage.find_events)
 
     def __init__(
@@ -131,14 +131,14 @@ class Passages:
             possible += others
         return found, possible
 
-    def _paths(self, ends: StepEnds, other: Alternative) -> Any:
+    def _paths(self, ends: StepEnds, other: Alternative) -> Paths:
         """The paths of all nodes, with an alternative motion of bodies."""
         resolution = LIMITS.coarse_distance * float(self.outline.lengths(ends.x1).min())
         places = zip(self._obstacles, ends.before, ends.after, strict=True)
         motions = {-1 - number: motion_of(*each) for number, each in enumerate(places)}
-        return self.paths(ends, self.outline.bodies, motions, resolution, other)
+        return Paths(ends, self.outline.bodies, motions, resolution, other)
 
-    def _on(self, paths: Any, ends: StepEnds, allowed: AllowedOverlaps) -> Iterator[str]:
+    def _on(self, paths: Paths, ends: StepEnds, allowed: AllowedOverlaps) -> Iterator[str]:
         """Messages on passages on given paths."""
         bodies = [] if ends.bodies_rest else np.unique(self.outline.bodies).tolist()
         for body in bodies:
@@ -220,7 +220,10 @@ class Passages:
         return np.where(at < 0, np.arange(len(at)), at)[self.outline.segments]
 
     def _nearest(self, x: Array, body: int, nodes: Indices) -> tuple[Indices, Array]:
-        """Facets of ``body`` nearest to ``nodes`` (k,), -1 for none, coordinates on them, (k,)."""
+        """Facets of ``body`` nearest to ``nodes`` (k,), -1 for none, coordinates on them, (k,).
+
+        Nodes that begin on the surface up to rounding may be outside.
+        """
         mine = np.flatnonzero(self.outline.segment_bodies == body)
         at, place = passage.nearest_to_nodes(x, self.outline.segments[mine], nodes).T
         return np.where(at < 0.0, -1, mine[at.astype(np.int64)]), place
@@ -304,23 +307,24 @@ class Passages:
     # Obstacles
 
     def _at_obstacle(
-        self, number: int, obstacle: Obstacle, paths: Any, x1: Array, place: Array
+        self, number: int, obstacle: Obstacle, paths: Paths, x1: Array, place: Array
     ) -> Iterator[str]:
         """Messages on obstacle ``number``, at ``place`` (m,) at the start: nodes through it, it."""
-        along = own_frame(obstacle, paths.seen_from(-1 - number), place)
-        pairs = self._obstacles[obstacle]
+        pairs, seen = self._obstacles[obstacle], paths.seen_from(-1 - number)
+        with at_place(obstacle, place):
+            along = obstacle.to_own_frame(seen)
+            points = obstacle.to_space(obstacle.salient_points())
         for contact, there in pairs:
             given = along[:, there], contact.now.offset, contact.slave.nodal_lengths
             name, comm = f"'{contact.slave.name}'", self.outline.comm
             yield from nodes_through(comm, obstacle, given, x1[there], lambda _, n=name: n)  # type: ignore[misc]
         bodies = self.outline.bodies[np.concatenate([there for _, there in pairs])]
-        points = in_space(obstacle, obstacle.salient_points(), place)
         if len(points):
             at = -1 - number, obstacle, points
             yield from self.points_through(paths, *at, np.unique(bodies).tolist(), x1)
 
     def points_through(
-        self, paths: Any, label: int, obstacle: Obstacle, points: Array, bodies: Iterable[int],
+        self, paths: Paths, label: int, obstacle: Obstacle, points: Array, bodies: Iterable[int],
         x1: Array,
     ) -> Iterator[str]:  # fmt: skip
         """Messages on points of an obstacle that went through bodies.
@@ -352,15 +356,14 @@ class SpacePassages(Passages):
 
     Args:
         given: Arguments of ``Passages``.
-        paths: ``SpacePaths``.
         obstacles: The ``SpaceObstacle`` of all pairs.
     """
 
     find_events = staticmethod(space_passage.find_events)
 
-    def __init__(self, *given: Any, paths: type[Any], obstacles: Sequence[Any]) -> None:
+    def __init__(self, *given: Any, obstacles: Sequence[Any]) -> None:
         super().__init__(*given)
-        self.paths, self._in_space = paths, obstacles
+        self._in_space = obstacles
         self._corners = self.outline.segments
 
     def _through_body(self, along: Array, body: int, x1: Array, _: Any) -> Iterator[str]:
@@ -384,8 +387,12 @@ class SpacePassages(Passages):
         return np.asarray(meets.all(axis=1) & (bodies[movers[:, 0]] != body))
 
     def _nearest(self, x: Array, body: int, nodes: Indices) -> tuple[Indices, Array]:
-        depths, nearest = depths_in_body(self.outline, x, body, x[nodes])
-        return np.where(depths > 0.0, nearest, -1), depths
+        mine = np.flatnonzero(self.outline.segment_bodies == body)
+        triangles, size = self.outline.segments[mine], self.outline.lengths(x)[mine].max()
+        boxes = build_tree(x, triangles)
+        at = triangles, boxes, np.empty(len(boxes) // 2, np.int64)
+        nearest = [nearest_triangle(x, *at, p, size)[1] for p in x[nodes]]
+        return mine[np.array(nearest, np.int64)], np.zeros(len(nodes))
 
     def _off_tips(self, passed: Passed, _: Array) -> Passed:
         return passed
@@ -423,9 +430,9 @@ class SpacePassages(Passages):
         return np.asarray(convex & (hull.turns(x) > SMALL_ANGLE))
 
     def _at_obstacle(
-        self, number: int, _: Obstacle, paths: Any, x1: Array, place: Array
+        self, number: int, _: Obstacle, paths: Paths, x1: Array, place: Array
     ) -> Iterator[str]:
-        return self._in_space[number].passages(paths, self, place)
+        return self._in_space[number].passages(paths, self, place, x1)
 
 
 def events_on(along: Array, find: Callable[..., Array], *given: Any) -> Array:

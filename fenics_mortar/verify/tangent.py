@@ -114,7 +114,8 @@ class OperatorMatrices:
         flux = self._flux(pair, number)
         size = flux.law.field.function_space.dofmap.index_map.size_local
         self._bulk.free_garbage()
-        return BlockMatrix(self._bulk.comm, size, size).assemble([flux.field_derivative()])
+        derivative = flux.now.derivative([flux.now.by_field()])
+        return BlockMatrix(self._bulk.comm, size, size).assemble([derivative])
 
     def _flux(self, pair: int, number: int) -> Any:
         """A flux whose field is solved for in a problem of its own, with its present values.
@@ -248,7 +249,7 @@ class _Probe:
         self.du[radial_dofs_on_axis(self.bulk.space)] = 0.0
         if self.bulk.space.dim == 3:
             # On symmetry planes edges of both sides coincide, where D and M have one-sided slopes.
-            self.du[problem.floating.held.prescribed_otherwise[:size]] = 0.0
+            self.du[problem.floating.prescribed_otherwise[:size]] = 0.0
         self.u0 = self.bulk.u.x.array[:size].copy()
         self.motions, self.places = problem.motions, problem.motions.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
@@ -298,7 +299,8 @@ class _Probe:
             contact.change(z=np.where(contact.components.acts, contact.z, 0.0))  # as in the system
             contact.add_loads(force)
             for flux in contact.conductances:
-                flux.add_row_loads(force)
+                now = flux.now
+                flux.add(now.by_conduction(now.next_q - now.q), force)
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         pushed = self._mine(self.motions.forces().ravel())
         force, parts = self.bulk.to_force * force, []
@@ -331,7 +333,7 @@ class _Probe:
         if not isinstance(contact, Contact) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1)
         dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
-        o = contact.on_obstacle
+        o = contact.operators
         return o.dn_dq @ dq, o.dgap_dq @ dq
 
     def _whole(self) -> Array:
@@ -342,10 +344,10 @@ class _Probe:
         K, B_T, C, A_z = system.blocks()
         zeta = A_z.createVecRight()
         for contact, dz, z_dofs in zip(self.contacts, self.dz, system.z_dofs, strict=True):
-            scaled = dz / system.scale(contact)
+            scaled = dz / contact.components.scale
             zeta.array[system.local(contact, z_dofs)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
-        for load in self.motions.remote:
+        for load in self.motions.boundaries:
             load.take_bulk_rows()
         balance, dofs = linearize_balance(self.motions, system), self.bulk.prescribed_dofs
         coupled = np.zeros(self.dq.size)

@@ -61,6 +61,7 @@ def bodies(
     energy=energies.neo_hookean,
     poisson=0.3,
     basis="dual",
+    max_angle=70.0,
     **options,
 ):
     """Problem of ``boxes`` with the sides ``held`` prescribed and ``pairs`` (slave, master).
@@ -74,7 +75,7 @@ def bodies(
     motions = {side: fem.Constant(data.mesh, (0.0, 0.0, 0.0)) for side in held}
     motions |= {side: fem.Function(V) for side in turned}
     bcs = [fm.dirichlet(V, data, side, value) for side, value in motions.items()]
-    given = {"discretization": fm.Discretization(basis=basis)}
+    given = {"discretization": fm.Discretization(basis=basis, max_angle=max_angle)}
     if law is not None:
         given["law"] = law
     if radius is not None:

@@ -10,6 +10,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.arcs import Carried, way_of
+from fenics_mortar.contact.slip import lead
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes.mapped_grids import Grid, block, sector
 
@@ -143,7 +144,7 @@ def test_tyres_that_turn_together_do_not_slip():
     e = problem.equations
     contact.start_step()
     carried_nodes = e.crossings.led.carried(e.crossings.accepted)
-    contact.lead(contact.partners, e.crossings.outline, carried_nodes)
+    lead(contact, contact.partners, e.crossings.outline, carried_nodes)
     led = contact.partners.led
     assert led.new.any() and not led.new.all()
     u.x.array[:] = (about + (x - about) @ R.T - X).ravel()

@@ -18,6 +18,7 @@ from fenics_mortar.laws import Worn
         ({"memory": (1,)}, "expected a tuple of names"),
         ({"memory": ("depth", "depth")}, "has a name twice"),
         ({"fields": "mu"}, "fields of Named is 'mu'"),
+        ({"summed_slip": "slid"}, "summed_slip of Named is 'slid': expected a name in its memory"),
         ({"fields": ("nu",)}, "Named has no attribute 'nu' of its fields"),
         ({"parameters": ("nu",)}, "Named has no attribute 'nu' of its parameters"),
     ],

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Laws with memory, rate and layers, against closed forms; the tangent of each."""
 
+from math import factorial
+
 import numpy as np
 import pytest
 from law_scenes import HEIGHT, E, block_on_plane
 from refusal import refused
 from scenes import internal, linear_elastic, pressed_blocks, read, rectangles
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import ufl
 from dolfinx import fem
@@ -14,6 +17,11 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.laws import Cohesive, MixedCohesive, RateAndState, SoftLayer, Stribeck, Worn
 from fenics_mortar.utils import compat
+from meshes.mapped_boxes import Box
+from meshes.mapped_boxes import block as box
+from meshes.mapped_boxes import mesh as boxes
+from meshes.mapped_grids import Grid, block
+from meshes.mapped_grids import mesh as grids
 
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
 LAWS = {
@@ -187,6 +195,20 @@ def test_invalid_fields_are_refused(kind):
         problem.solve()
 
 
+@pytest.mark.parametrize("slip", [0.0, 1e-16, 1e-9, 1e-3, 0.019, 0.021, 0.3])
+def test_the_state_of_friction_has_its_slope_at_any_slip(slip):
+    """theta' = 1 - v theta / L, also without slip, where the mean of the decay is 0 / 0."""
+    law, none = RateAndState(0.4, 0.2, 0.1, 0.2, 0.01), np.zeros(1)
+    node = fm.laws.Nodal(
+        none, none + slip, none, none, none, none, step=2.0, memory={"theta": none + 3.0}
+    )
+    row, x = fm.laws.row_of(law.theta, node), slip / law.L
+    mean = sum((-x) ** k / factorial(k + 1) for k in range(30))
+    slope = sum(-(k + 1) * (-x) ** k / factorial(k + 2) for k in range(30))
+    assert row.residual == pytest.approx(3.0 * np.exp(-x) + 2.0 * mean, rel=1e-14)
+    assert row.by_slip == pytest.approx((-3.0 * np.exp(-x) + 2.0 * slope) / law.L, rel=1e-13)
+
+
 def test_a_bond_is_damaged_by_opening_and_slip_together():
     """A block of 1e7 times the bond's stiffness: its motion is the jump, in any order of modes."""
     k, strength, reach, stiff = 100.0, 2.0, 0.1, 1e7
@@ -210,6 +232,47 @@ def test_a_bond_is_damaged_by_opening_and_slip_together():
     push.value[:] = 0.09, 0.08
     problem.solve()
     assert np.abs([contact.pressure, contact.shear]).max() == 0.0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_bond_has_the_traction_of_its_total_slip_however_it_turns(dim):
+    """Sheared along x, along y in space, back and beyond the start, while the whole scene turns."""
+    k, strength, reach = 20.0, 4.0, 1.0
+    law, largest = MixedCohesive(k, strength, reach), strength / k
+    if dim == 2:
+        lower = Grid("lower", block(4, 2, width=2.0, height=0.5, corner=(-1.0, -0.5)))
+        upper = Grid("upper", block(3, 2, width=1.0, height=0.5, corner=(-0.5, 0.0)))
+    else:
+        lower = Box("lower", box((3, 3, 1), size=(2.0, 2.0, 0.5), corner=(-1.0, -1.0, -0.5)))
+        upper = Box("upper", box((2, 2, 1), size=(1.0, 1.0, 0.5), corner=(-0.5, -0.5, 0.0)))
+    data = (grids if dim == 2 else boxes)([upper, lower])
+    V = fm.vector_space(data.mesh, 1)
+    u, below, above = (fem.Function(V) for _ in range(3))
+    sides = [("lower/bottom", below), ("upper/top", above)]
+    problem = fm.ContactProblem(
+        ufl.derivative(fm.energies.neo_hookean(u, 1e7, 1e7) * ufl.dx(degree=3), u),
+        u,
+        [fm.ContactPair(data, "upper/bottom", "lower/top", law=law)],
+        bcs=[fm.dirichlet(V, data, *side) for side in sides],
+        petsc_options_prefix="bond_",
+    )
+    contact, axis = problem.contacts[0], (0.36, 0.48, 0.8) if dim == 3 else (0.0, 0.0, 1.0)
+    motions = [(0.1, 0.0), (0.1, 0.1), (0.0, 0.2), (-0.1, 0.1), (0.3, -0.2), (0.0, 0.0)]
+    for number, motion in enumerate(motions):
+        Q = Rotation.from_rotvec(0.3 * number * np.array(axis)).as_matrix()[:dim, :dim]
+        jump = np.array([*motion[: dim - 1], 0.01])
+        for place, shift in ((below, 0.0 * jump), (above, jump)):
+            place.interpolate(lambda x, Q=Q, shift=shift: Q @ (x[:dim] + shift[:, None]) - x[:dim])
+        assert problem.solve().certificate.violations() == []
+        largest = max(largest, float(np.linalg.norm(jump)))
+        secant = strength * (reach - largest) / ((reach - strength / k) * largest)
+        assert Q.T @ contact.total_force == pytest.approx(-secant * jump, rel=1e-4, abs=1e-5)
+        if dim == 3:
+            slid = np.stack([contact.memory[f"slid_{axis}"] for axis in "xyz"], axis=1)
+            assert slid @ Q == pytest.approx(np.tile([*motion, 0.0], (len(slid), 1)), abs=1e-6)
+        if number % 2:
+            assert problem.check_tangent().slopes["whole"] > 1.95
 
 
 @pytest.mark.parametrize("stiffness", [200.0, 2e3, 1e6])

@@ -23,8 +23,9 @@ def test_gaps_are_means_of_covered_nodes():
     )
     state = SimpleNamespace(multiplier_nodes=np.array([True, False, True]))
     f = SimpleNamespace(operators=operators, state=state, nodal_areas=np.ones(3))
-    covered, mean = ContactFields.gaps.func(f)
+    covered, mean, per_weight = ContactFields.gaps.func(f)
     assert covered.tolist() == [True, False, False] and mean.tolist() == [0.5, 0.0, 0.0]
+    assert per_weight.tolist() == [0.25, 0.0, 0.0]
 
 
 def test_multipliers_are_split_along_normal_and_tangent():
@@ -45,7 +46,7 @@ def fields(gap, z, a, before, covered=True, modulus=5.0):
         set_aside=np.zeros(count, bool),
     )  # fmt: skip
     return SimpleNamespace(
-        interface=interface, covered_gap=gap, adhesion=(pull, 0.0 * pull), z_n=z[:, 1],
+        interface=interface, nodal=SimpleNamespace(gap=gap), pull=Row(pull), z_n=z[:, 1],
         operators=SimpleNamespace(n=np.tile(UP, (count, 1)), x=np.full((count, 2), 10.0)),
         state=SimpleNamespace(z=z, c_n=1.0, active=np.full(count, before)),
         attracted=np.full(count, a > 0.0 and not before), covered=np.full(count, covered),
@@ -81,9 +82,9 @@ def test_size_of_rows():
     active, attracted = np.array([True, False, False]), np.array([False, True, False])
     operators = SimpleNamespace(diagonal=np.array([2.0, 3.0, 4.0]), slave=SimpleNamespace(dim=2))
     f = SimpleNamespace(
-        operators=operators, covered_gap=np.array([-0.5, 1.0, 2.0]), nodal_lengths=np.full(3, 0.25),
-        interface=SimpleNamespace(stiffness=np.full(3, 8.0)), attracted=attracted,
-        acts=active | attracted, state=SimpleNamespace(active=active),
+        operators=operators, nodal=SimpleNamespace(gap=np.array([-0.5, 1.0, 2.0])),
+        nodal_lengths=np.full(3, 0.25), interface=SimpleNamespace(stiffness=np.full(3, 8.0)),
+        attracted=attracted, acts=active | attracted, state=SimpleNamespace(active=active),
         law_rows=(Row(np.full(3, 10.0)), Row(np.full(3, 0.1))),
     )  # fmt: skip
     squares, largest = ContactRows(SimpleNamespace(now=f)).measure()

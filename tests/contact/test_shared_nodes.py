@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from fenics_mortar.contact.interface import equal_pairs
+from fenics_mortar.interface.traces import equal_pairs
 
 
 @pytest.mark.parametrize("counts", [(0, 0), (0, 5), (5, 0), (40, 50), (300, 200)])

@@ -27,7 +27,7 @@ def assembled(problem):
     K, B_T, C, A_z = (dense(block) for block in system.blocks())
     order = [z_dofs.ravel() for z_dofs in system.z_dofs]
     order = np.concatenate([np.empty(0, np.int64), *order])
-    scale = np.concatenate([np.empty(0), *(system.scale(c).ravel() for c in contacts)])
+    scale = np.concatenate([np.empty(0), *(c.components.scale.ravel() for c in contacts)])
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
     C = C[order]
     fixed = np.concatenate(
@@ -44,7 +44,7 @@ def assembled(problem):
         if contact.obstacle is not None:
             own = slice(start := n + m + 3 * motions.obstacles.index(contact.obstacle), start + 3)
             units = np.array([1.0, 1.0, contact.arm])
-            E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
+            E_d, M_q, E_q = contact.operators.motion_force_derivatives(contact.z)
             A[first : first + count, own] = contact.rows.by_motions().reshape(-1, 3) * units
             rows = units[:, None] * E_d.reshape(3, -1)
             np.add.at(A[own], (slice(None), contact.slave.dofs.ravel()), rows)

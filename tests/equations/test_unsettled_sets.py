@@ -70,9 +70,9 @@ def test_floating_body_moves_as_on_its_weakest_springs():
     e = pushed_block().equations
     e.bulk.assemble_tangent()
     (body,) = e.floating.bodies
-    dofs, motions = e.floating.motions(body)
+    motions = body.nodal_motions()
     forces = np.zeros((e.bulk.num_owned, len(motions)))
-    forces[dofs.ravel()] = motions.T
+    forces[body.dofs.ravel()] = motions.T
     moves = displacements(e.bulk, e.floating, forces)
     weakest = RIGID.weakest_spring * body.stiffest / body.num_nodes
     assert np.abs(weakest * moves - forces).max(initial=0.0) < 1e-6

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusal import refused
 from space_pair_scenes import bodies
 
 import fenics_mortar as fm
@@ -295,6 +296,31 @@ def test_a_thin_wedge_with_its_outline_is_pressed_by_its_edge_as_with_its_side()
         forces.append(scene.problem.reaction("lower/bottom").force)
     assert forces[0] == pytest.approx(forces[1], abs=1e-9)
     assert np.abs(forces[0][:2]).max() < 0.01 * forces[0][2]
+
+
+def test_an_upright_knife_is_pressed_as_its_message_advises():
+    """Its sides are steeper than the largest angle, which the refusal names."""
+    high = mapped(
+        (5, 2, 2),
+        lambda s, t, r: ((s + (1 - s) * r) * 0.3 / np.tan(np.pi / 6) + 0.3 * s, 0.5 * t, 0.3 * r),
+    )
+    high = high @ turn([0.0, 1.0, 0.0], -75.0).T + [0.0, 0.25, 0.0]
+    low = block((4, 4, 2), size=(1.0, 1.0, 0.5), corner=(-0.5, 0.0, -0.5))
+    boxes = [Box("knife", high), Box("lower", low)]
+    held, sides = ["knife/top", "knife/right", "lower/bottom"], ["knife/bottom", "knife/left"]
+
+    def solve(*pair, **options):
+        scene = bodies(boxes, held, [pair], **options)
+        for side in held[:2]:
+            scene.move(side, (0.0, 0.0, -0.02))
+        return scene.problem.reaction("lower/bottom").force if scene.solve() else None
+
+    for pair in (("lower/top", sides), (sides, "lower/top")):
+        told = r"to 70 degrees; .* wedge is pressed, Discretization\(max_angle.* slave"
+        with refused(fm.NotConvergedError, told):
+            solve(*pair)
+    force = solve("lower/top", sides, max_angle=80.0)
+    assert force[2] > 0.1 and np.abs(force[:2]).max() < 1e-9
 
 
 def pyramid():

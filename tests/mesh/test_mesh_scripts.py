@@ -6,7 +6,7 @@ import pytest
 from mesh_measures import CELLS, COMM, area, length, nodes_on, num_facets, read
 
 import fenics_mortar as fm
-from fenics_mortar.contact.interface import surfaces_of
+from fenics_mortar.interface.traces import surfaces_of
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from meshes import (

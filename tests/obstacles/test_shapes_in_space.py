@@ -11,9 +11,8 @@ from fenics_mortar.interface.on_obstacle import (
     integrate_facets,
     obstacle_normals,
     points_of,
-    whole_rule,
 )
-from fenics_mortar.interface.reference import hand_over, tabulate
+from fenics_mortar.interface.reference import facet_rule, hand_over, tabulate
 from fenics_mortar.kernels.space.shapes import reference_nodes
 from fenics_mortar.obstacles.rigid_motion import (
     by_further_motion,
@@ -219,7 +218,7 @@ def test_facets_and_normals_by_complex_step(kind, size, basis):
     x = facets_of(size)
     carries = np.random.default_rng(6).uniform(size=(3, size)) > 0.3
     carries[:, 0] = True
-    points, weights = whole_rule(options, 1 if size < 5 else 2, size)
+    points, weights = facet_rule(options.integration, size, options.points, 3)
     fixed = hand_over(carries, 3), tabulate(points, size), weights, options.kinds
     projectors = np.broadcast_to(np.diag([1.0, 0.0, 1.0]), (3, 3, 3))
 
@@ -255,7 +254,7 @@ def test_integrals_of_facets(size):
     nodes = reference_nodes(size) @ np.array([[1.0, 0.2], [-0.3, 0.8]])
     x = np.column_stack([nodes, np.zeros(size)])[None]
     options = MortarOptions(basis="dual", **OPTIONS)
-    points, weights = whole_rule(options, 1 if size < 5 else 2, size)
+    points, weights = facet_rule(options.integration, size, options.points, 3)
     area = (0.5 if size in (3, 6) else 4.0) * (0.8 + 0.06)
     plane = fm.Plane((0, 0, 1.0), (0.3, 0.2, -1.0))
     if size == 6:  # the integrals of the functions of the corners are zero

@@ -125,11 +125,8 @@ def test_only_a_body_stopped_by_a_wall_is_at_rest(stopped_by, slid):
         return now, state
 
     contacts, states = zip(pair("friction", 2.0, 1.0), pair("wall", 0.0, 0.0), strict=True)
-    floating = SimpleNamespace(
-        settling=SimpleNamespace(moved=[SimpleNamespace(label=0)]),
-        contacts_of=lambda body: contacts,
-        name_of=lambda label: "the block",
-    )
+    block = SimpleNamespace(contacts=contacts, name="the block")
+    floating = SimpleNamespace(settling=SimpleNamespace(moved=[block]))
     equations = SimpleNamespace(contacts=contacts, floating=floating)
     reason = _slid_away(SimpleNamespace(equations=equations), SimpleNamespace(interfaces=states))
     assert ("slid by 4.00 facets" in reason) == slid

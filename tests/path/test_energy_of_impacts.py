@@ -13,6 +13,7 @@ import fenics_mortar as fm
 from demos.studies.common import read_mesh
 from demos.studies.dynamics.scenes import RHO, E, free_block, rings, scene
 from fenics_mortar.energies import lame
+from fenics_mortar.laws import Cohesive, MixedCohesive, SoftLayer
 from fenics_mortar.newton.loop import Iteration, NewtonReport
 from fenics_mortar.path.report import (
     DynamicsReport,
@@ -284,3 +285,43 @@ def test_the_step_that_the_report_names_suffices():
         if "steps of" in remark:
             dt = float(remark.split("steps of ")[1].split(",")[0])
     assert found[-1] < 1e-3 and not remark
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("law", [Cohesive(2.0, 0.05), MixedCohesive(200.0, 2.0, 0.05)], ids=repr)
+def test_a_bond_between_two_flying_blocks_takes_its_energy_and_no_momentum(law):
+    """It breaks: strength * reach / 2 per length is lost, and is not returned."""
+    grids = [
+        Grid(name, block(columns, 3, width=1.0, height=1.0, corner=(0.0, y)))
+        for name, columns, y in (("lower", 3, 0.0), ("upper", 2, 1.0))
+    ]
+    made = scene(grids, [("upper/bottom", "lower/top")], law=law)
+    motion = made.dynamics("conserving")
+    made.set_velocity(motion, {"upper": (0.0, 0.4, 0.0), "lower": (0.0, -0.4, 0.0)})
+    record = motion.run(0.3, fm.SteppingOptions(step=0.01))
+    last = record.steps[-1]
+    assert record.start.kinetic == pytest.approx(0.16, rel=1e-12)
+    assert record.start.total - last.energies.total == pytest.approx(0.05, rel=0.02)
+    assert sum(step.work.layers for step in record.steps) == pytest.approx(0.05, rel=0.02)
+    assert np.abs(last.energies.momentum).max() < 1e-12
+    assert record.remark() == ""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scheme", ["conserving", "massless"])
+def test_a_soft_layer_stores_the_kinetic_energy_of_a_block(scheme):
+    """rho v^2 / 2 = k o^2 / 2 at the largest overlap; then the layer returns it."""
+    k, speed = 50.0, 0.2
+    grid = Grid("block", block(2, 3, width=1.0, height=1.0))
+    pair = ("block/bottom", fm.Plane((0.0, 0.0), (0.0, 1.0)))
+    made = scene([grid], [pair], law=SoftLayer(k, 1.0), modulus=2e3)
+    motion, overlaps = made.dynamics(scheme), []
+    made.set_velocity(motion, {"block": (0.0, -speed, 0.0)})
+    contact = made.problem.contacts[0]
+    record = motion.run(
+        0.6, fm.SteppingOptions(step=0.01), on_step=lambda *_: overlaps.append(-contact.gap.min())
+    )
+    assert max(overlaps) == pytest.approx(speed * np.sqrt(RHO / k), rel=0.01)
+    assert min(step.energies.total for step in record.steps) < 0.03 * record.start.total
+    assert record.steps[-1].energies.total == pytest.approx(record.start.total, rel=2e-3)
+    assert record.remark() == ""

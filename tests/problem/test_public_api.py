@@ -7,6 +7,9 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+
+from mpi4py import MPI
 
 import pytest
 from scenes import pair_options
@@ -115,6 +118,6 @@ def test_presets_are_the_documented_discretizations():
     ],
 )
 def test_refused_option_lists_allowed_values(options, allowed):
-    data = fm.MeshData(None, None, None)
+    data = fm.MeshData(SimpleNamespace(comm=MPI.COMM_SELF), None, None)
     with pytest.raises(ValueError, match=allowed):
         fm.ContactPair(data, 1, 2, **pair_options(options))

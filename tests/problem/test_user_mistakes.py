@@ -401,6 +401,8 @@ def test_an_obstacle_as_slave_is_refused_with_what_it_can_be():
 def test_a_number_of_incompressible_bodies_is_refused_with_the_energy_for_them():
     with pytest.raises(ValueError, match=r"nu=0.5: expected .* see mixed_neo_hookean"):
         fm.energies.lame(100.0, 0.5)
+    with pytest.raises(ValueError, match=r"E=-100: expected a positive number"):
+        fm.energies.lame(-100.0, 0.3)
 
 
 def test_measured_values_of_another_number_of_steps_are_refused():

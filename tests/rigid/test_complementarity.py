@@ -43,6 +43,7 @@ def test_without_friction_there_is_no_shear(seed):
     found = solve_friction(p)
     gap = (p.q + p.V @ np.concatenate([found.z_n, found.z_tau]))[:8]
     assert not found.z_tau.any()
+    assert found.branch.all()  # sticking nodes would have a shear in the next Newton step
     assert min(gap.min(), found.z_n.min()) > -1e-9
     assert np.abs(gap * found.z_n).max() < 1e-9
 

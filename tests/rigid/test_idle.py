@@ -256,15 +256,15 @@ def test_an_idle_body_does_not_stay_pressed_on_its_spring():
     scene.set(weight=5.0)
     equations = scene.problem.equations
     idle, floating = equations.idle, equations.floating
-    body = next(b for b in floating.bodies if floating.name_of(b.label) == "body 'idle0'")
+    body = next(b for b in floating.bodies if b.name == "body 'idle0'")
     towards = np.tile([-1e-3, 0.0], equations.bulk.num_owned // 2)
-    floating.move(body, floating.rigid_fraction(body, towards))  # it overlaps the loaded block
+    body.move(body.rigid_fraction(towards))  # it overlaps the loaded block
     idle.reset(may_be_aside=True)
     idle.find(equations.evaluate_forces)
     idle._first = set()
     equations.springs.anchor(0.25)
     solve(equations, equations.newton)
-    carried = {each.name: each.fraction for each in floating.carried_by_springs()}
+    carried = {each.name: each.fraction for each in equations.springs.carried()}
     assert carried["body 'idle0'"] == 0.0
     assert not any(contact.z.any() for contact in pairs_of(scene, "idle0"))
 
@@ -276,7 +276,7 @@ def test_a_body_set_aside_that_a_step_throws_far_is_brought_home_at_once(monkeyp
     def thrown(self, evaluate):
         aside = [body for body in self._unloaded if body.label in self._bodies.aside]
         for body in aside if not rounds else ():
-            self._bodies.move(body, 40.0 * body.size * np.eye(len(body.motions))[1])
+            body.move(40.0 * body.size * np.eye(len(body.motions))[1])
 
         def counted():
             rounds.append(1)

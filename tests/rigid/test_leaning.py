@@ -44,6 +44,23 @@ def cards(cells):
     return pose("cards", bodies, touches, path, E=1e6)
 
 
+@pytest.mark.parametrize("cells", [1, 3])
+@pytest.mark.parametrize("mu", [0.0, 0.1])
+def test_ladder_at_a_smooth_wall_takes_few_iterations(mu, cells):
+    """Where nodes of a smooth wall stuck in one step of each two, it took up to 181 iterations."""
+    wall = Flat((np.sin(ANGLE), 0.0), (-1.0, 0.0), "wall")
+    ladder = mapped(cells, 16, lambda s, t: (t * np.sin(ANGLE) + 0.05 * (s - 1.0), t))
+    touches = [
+        Touch("ladder/bottom", FLOOR, fm.Coulomb(0.4)),
+        Touch("ladder/right", wall, fm.Coulomb(mu)),
+    ]
+    path = [{"weight": 1.0}]
+    scene = pose("ladder", [Body(Grid("ladder", ladder), weight=1.0)], touches, path, E=1e6)
+    (report,) = scene.solve()
+    assert report.num_iterations <= 8 and report.certificate.springs == 0.0
+    assert abs(scene.force(1)[1]) == pytest.approx(mu * abs(scene.force(1)[0]), abs=1e-9)
+
+
 @pytest.mark.parametrize("cells", [2, 5])
 def test_leaning_cards_bear_the_load_of_limit_analysis(cells):
     """The heads slide between the pushes 0.02 and 0.03; the limit load is 0.118.

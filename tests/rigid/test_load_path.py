@@ -9,6 +9,7 @@ from fenics_mortar.rigid.complementarity import (
     FrictionProblem,
     Sets,
     TurningPoint,
+    _follow,
     follow_loads,
     solve_friction,
 )
@@ -79,3 +80,24 @@ def test_path_with_a_later_turning_point_is_abandoned():
     assert follow_loads(far, sticks, np.zeros(1)) == TurningPoint(
         pytest.approx(5 / 17, abs=1e-3), 0
     )
+
+
+@pytest.mark.parametrize("growth", [0.0, 1e-17, -1e-17, 1e-8])
+def test_a_load_that_grows_without_end_by_rounding_turns(growth):
+    """The pressure of the first node enters at half the loads and hardly changes its gap."""
+    M, q = np.array([[growth, 0.0], [1.0, 1.0]]), np.array([-1.0, 1.0])
+    end = _follow(M, np.ones(2), q, np.zeros(2, bool))
+    if growth > 1e-12:
+        assert end.tolist() == [True, False]
+    else:
+        assert end == TurningPoint(0.5, 0)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_paths_do_not_depend_on_the_unit_of_length(unit):
+    """The first of two nodes without friction hardly moves by its own pressure."""
+    V = np.diag([1e-8, 1.0, -1.0, -1.0])
+    V[1, 0] = 1.0
+    p = FrictionProblem(V, unit * np.array([-1.0, 1.0, 0.0, 0.0]), np.zeros(2))
+    found = follow_loads(p, unloaded(2)[0], np.full(2, unit))
+    assert found.active.tolist() == [True, False]

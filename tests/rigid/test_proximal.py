@@ -202,9 +202,17 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
 
 def test_springs_without_contact_are_reported():
     cases = {(1.0, 4.0): 0.25, (0.0, 0.0): 0.0, (1e-9, 0.0): np.inf}
-    for forces, expected in cases.items():
-        carried = carried_by(*forces, "disk", [], lambda: "turn")
-        assert carried == ("disk", expected, False, "turn" if forces[0] else "")
+    for (springs, contact), expected in cases.items():
+        carried = carried_by(disk(contact), np.array([0.0, springs]))
+        assert carried == ("disk", expected, False, "turn" if springs else "")
+
+
+def disk(force, contacts=(), at=None):
+    """A body that turns, with its contact force."""
+    return SimpleNamespace(
+        name="disk", contacts=contacts, at=at, contact_force=lambda: force,
+        describe=lambda motion, *, directed: "turn",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("own", "expected"), [([0], True), ([0, 1], False), ([3], False)])
@@ -213,13 +221,13 @@ def test_a_body_slides_if_no_node_of_its_own_sticks(own, expected):
     contact = SimpleNamespace(
         sliding=np.array([True, False, True, False]), sticking=np.arange(4) == 1
     )
-    nodes = [(contact, np.isin(np.arange(4), own))]
-    assert carried_by(1.0, 1.0, "disk", nodes, str).slides == expected
+    body = disk(1.0, [contact], lambda contact: np.isin(np.arange(4), own))
+    assert carried_by(body, np.ones(1)).slides == expected
 
 
 def test_a_residual_that_is_not_finite_is_no_slight_force():
     """Weak springs would start from the state of a failed iteration, five times."""
-    floating = SimpleNamespace(anchored=False, loose=list, bodies=[0], names=lambda bodies: "disk")
+    floating = SimpleNamespace(anchored=False, loose=list, bodies=[disk(0.0)])
     forces = SimpleNamespace(force=1.0)
     equations = SimpleNamespace(contacts=[], floating=floating, residual=forces)
     remedies = Remedies(equations, lambda snap: False)

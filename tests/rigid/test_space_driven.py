@@ -245,9 +245,10 @@ def test_contact_adds_no_energy():
 def test_springs_have_the_derivative_of_their_forces():
     """Of finite motions since their anchor, by central differences."""
     lid = KINDS["plane"]()
-    motions = block_under(lid).problem.equations.motions
+    equations = block_under(lid).problem.equations
+    motions, springs = equations.motions, equations.springs
     lid.push(x=0.0, y=0.0, z=-0.2, moment=(0.0, 0.0, 0.0))
-    motions.anchor(0.25, 1.0, 1.0)
+    springs.anchor(0.25)
     motions.move(np.array([(0.1, -0.2, 0.1, 0.5, 0.3, -0.4)]))
     places, found, h = motions.places, np.empty((6, 6)), 1e-5
     for i, motion in enumerate(np.eye(6)):
@@ -255,7 +256,7 @@ def test_springs_have_the_derivative_of_their_forces():
         for sign in (1.0, -1.0):
             motions.places = places
             motions.move(sign * h * motion[None])
-            ends.append(motions._spring_forces()[0])
+            ends.append(springs.on_motions()[0])
         found[:, i] = (ends[0] - ends[1]) / (2.0 * h)
     motions.places = places
     exact = motions._stiffness_of_springs(1.0, 1.0)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.rigid.body_motions import Touching, unresisted_motion
+from fenics_mortar.rigid.complementarity import Touching, unresisted_motion
 
 pytestmark = pytest.mark.serial
 MU = 0.4

@@ -60,8 +60,34 @@ def shift(x):
     return np.stack([np.sin(2.0 * a + b), np.cos(b - c), 0.5 * np.sin(a - 2.0 * b + c)], axis=1)
 
 
-def on_obstacle(law=None, cell="hexahedron", degree=1, *, places=None, **more):
-    """A sphere that is pressed on a block, moved and turned; controls: modulus, place, radius."""
+class TiltedPlane(fm.Obstacle):
+    """The half-space above a plane through a point, turned by a tilt about y."""
+
+    def __init__(self, tilt):
+        super().__init__("tilted", (0.45, 0.55, 0.0))
+        self._tilt = tilt
+
+    def shape(self):
+        return {"tilt": np.asarray(self._tilt)}
+
+    def set_shape(self, name, value):
+        self._tilt = float(np.asarray(value).item())
+
+    def local(self, x):
+        n = -np.array([np.sin(self._tilt), 0.0, np.cos(self._tilt)])
+        return (x - self.pivot) @ n, np.tile(n, (len(x), 1)), np.zeros((len(x), 3, 3))
+
+    def local_by_shapes(self, x, name, directions):
+        dn = np.reshape(directions, (-1, 1)) * np.array(
+            [-np.cos(self._tilt), 0, np.sin(self._tilt)]
+        )
+        return dn @ (x - self.pivot).T, np.tile(dn[:, None], (1, len(x), 1))
+
+
+def on_obstacle(
+    law=None, cell="hexahedron", degree=1, *, places=None, obstacle=None, shape="radius", **more
+):
+    """An obstacle pressed on a block, moved and turned; controls: modulus, place, shape, law."""
     scene = stack(cell, degree, lower=(4, 4, 1), **more)
     mesh, u = scene.data.mesh, scene.u
     E = fem.Constant(mesh, YOUNG)
@@ -69,7 +95,7 @@ def on_obstacle(law=None, cell="hexahedron", degree=1, *, places=None, **more):
     scene.hold("lower/bottom")
     for side in ("upper/top", "upper/bottom"):  # stays away
         scene.hold(side, (0.0, 0.0, 3.0))
-    sphere = fm.Sphere((0.45, 0.55, 1.0), 1.01)
+    sphere = obstacle or fm.Sphere((0.45, 0.55, 1.0), 1.01)
     pair = fm.ContactPair(scene.data, "lower/top", sphere, law=law)
     problem = fm.ContactProblem(
         ufl.derivative(psi, u),
@@ -81,7 +107,7 @@ def on_obstacle(law=None, cell="hexahedron", degree=1, *, places=None, **more):
     )
     controls = {
         "E": E, "place": sensitivity.ObstaclePlace(sphere),
-        "radius": sensitivity.ObstacleShape(sphere, "radius"),
+        shape: sensitivity.ObstacleShape(sphere, shape),
     }  # fmt: skip
     for name in law.parameters if law else ():
         controls[name] = sensitivity.LawParameter(0, name)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from one_rank import several_ranks
 from refusal import refused
-from space_taylor_scenes import ROLL, SLIDE, blocks, on_obstacle, shift, tower
+from space_taylor_scenes import ROLL, SLIDE, TiltedPlane, blocks, on_obstacle, shift, tower
 from taylor_scenes import check, timed, value_of
 from test_contact_controls import Regular
 
@@ -81,11 +81,14 @@ def test_quantities(name):
 
 # Pressed, then opened under adhesion and sheared.
 OPENING = [(0.0, 0.0, -0.01), (0.01, 0.005, 0.01), (0.015, 0.008, 0.03)]
+# Sheared along one side, turned, and sheared back beyond the start.
+AWAY = [(0.03, 0.005, -0.01), (0.02, 0.03, 0.01), (-0.02, 0.01, 0.01), (-0.05, -0.02, -0.005)]
 LAWS = {
     "wear": (laws.Worn(0.3, 0.05), {"mu": 0.05, "wear": 0.01}),
     "rates": (laws.Stribeck(0.3, 0.2, 0.1), {"static": 0.05, "kinetic": 0.05, "rate": 0.05}),
     "layer": (laws.SoftLayer(50.0, 2.0, mu=0.3), {"mu": 0.05, "k": 5.0, "m": 0.1}),
     "bond": (laws.MixedCohesive(100.0, 2.0, 0.3), {"stiffness": 10.0, "strength": 0.2}),
+    "bond there and back": (laws.MixedCohesive(100.0, 2.0, 0.3), {"stiffness": 10.0}, AWAY),
     "by node": (fm.Coulomb(lambda X: 0.2 + 0.1 * X[:, 0]), {"mu": 0.05}),
     "user's": (Regular(), {"weights": 0.1}),
     "adhesion": (laws.Cohesive(2.0, 0.3), {"strength": 0.3, "reach": 0.02}, OPENING),
@@ -129,6 +132,18 @@ def test_sphere(law):
         names, sizes = [*names, "mu"], [*sizes, 0.05]
     objective = FORCE + PressureIntegral(0, 2) + 10.0 * MeanGap(0)
     checked(scene, objective + FrictionWork(0) if law else objective, names, sizes)
+
+
+@pytest.mark.parametrize("law", [fm.Coulomb(0.3), laws.MixedCohesive(100.0, 2.0, 0.3)], ids=str)
+def test_a_plane_that_is_tilted(law):
+    """Of this shape the normals depend, and with them power and total slip."""
+    places = [
+        (0, 0, -0.05, 0, 0, 0),
+        (0.03, 0.01, -0.07, 0, 0.01, 0),
+        (0.08, -0.03, -0.07, 0, 0.01, 0),
+    ]
+    scene = on_obstacle(law, places=places, obstacle=TiltedPlane(0.05), shape="tilt")
+    checked(scene, FORCE + 10.0 * FrictionWork(0), ["tilt"], [0.003])
 
 
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=str)

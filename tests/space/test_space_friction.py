@@ -93,7 +93,7 @@ def test_turns_are_counted_anew_in_each_solve():
     turned = []
     for way in (0.2, -0.2, 0.2, -0.2):
         scene.move(way, 0.0, -0.02)
-        turned.append(int(contact.heading[1].max()))
+        turned.append(int(contact.state.heading[1].max()))
     assert max(turned) == turned[-1] == 1
 
 

@@ -10,24 +10,34 @@ from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
 from fenics_mortar.interface.outline import Outline
+from fenics_mortar.obstacles.rigid_motion import at_place, rotation_by
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Motions, Paths, StepEnds
-from fenics_mortar.verify.obstacle_passages import own_frame, passed_through
+from fenics_mortar.verify.node_paths import Motions, Paths, RigidPath, StepEnds
+from fenics_mortar.verify.obstacle_passages import passed_through
 from fenics_mortar.verify.overlap import depths_in_body
 from fenics_mortar.verify.passages import Passages
 
 
 def node_paths(motions):
     """Positions at start, intermediate times and end, shape (m + 1, n, 2)."""
-    sections = max(int(np.ceil(np.abs(motions.angles).max() / LIMITS.section_turn)), 1)
+    sections = max(int(np.ceil(motions.angles.max() / LIMITS.section_turn)), 1)
     return np.array([motions.at(t) for t in np.arange(sections + 1) / sections])
+
+
+def in_frame_at(place, obstacle, x):
+    """Points in the frame of an obstacle at a place."""
+    with at_place(obstacle, np.array(place)):
+        return obstacle.to_own_frame(x)
 
 
 def passages_of(x, segments, bodies):
     """Detection of passages of nodes at ``x`` without pairs."""
     every = np.arange(len(x))
     none = np.zeros(len(x), int)
-    o = Outline(x, every, bodies, segments, segments, none, none[:, None], MPI.COMM_SELF)
+    o = Outline(
+        X=x, nodes=every, bodies=bodies, segments=segments, ends=segments, owners=none, owned=every,
+        dofs=none[:, None], local_dofs=none[:, None], comm=MPI.COMM_SELF,
+    )  # fmt: skip
     return Passages(o, [], [], None, {})
 
 
@@ -107,7 +117,7 @@ def test_nodes_on_a_rotating_obstacle_are_no_passage(seed):
         moved = block - [random.uniform(-1.5, 1.5), down]
         end = (moved - sheet.pivot) @ rotation(angle).T + sheet.pivot + shift
         x0, x1 = (
-            own_frame(sheet, x, np.array(place))
+            in_frame_at(place, sheet, x)
             for x, place in ((block, (0.0, 0.0, 0.0)), (end, (*shift, angle)))
         )
         knots = node_paths(Motions(StepEnds(x0, x1), (np.arange(1), np.zeros(len(x0), np.int64))))
@@ -121,7 +131,7 @@ def test_passage_of_a_small_obstacle_between_nodes_is_detected(middle, depth):
     """Its radius is 1.1 facets; passages of nodes beside its middle were not detected before."""
     ball = fm.Circle((middle, 0.11), 0.11)
     x0 = np.stack([np.linspace(-0.5, 0.5, 11), np.zeros(11)], axis=1)
-    moved = own_frame(ball, x0, np.array((0.0, -depth, 0.0)))
+    moved = in_frame_at((0.0, -depth, 0.0), ball, x0)
     knots = node_paths(Motions(StepEnds(x0, moved), (np.arange(1), np.zeros(11, np.int64))))
     assert (passed_through(ball, knots, np.zeros(11), np.full(11, 0.1)) > 0.0).any()
 
@@ -202,3 +212,45 @@ def test_paths_through_a_plate_that_bends_meanwhile_are_passages(bend, thickness
     x1[bodies == 0, 1] += 0.5 * bend * (x0[bodies == 0, 0] ** 2 - 4.0 / 3.0)
     passed, _ = passages_of(x0, segments, bodies).nodes_through(np.array([x0, x1]), 0, bodies > 0)
     assert set(passed.ends[:, 0]) == set(np.flatnonzero(bodies > 0))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_body_turns_about_its_hub_or_with_an_obstacle(dim):
+    """In the plane and in space: by 150 degrees, and riding on a table by more than half a turn."""
+    axis = np.array({2: [1.0], 3: [0.0, 0.6, 0.8]}[dim])
+    x0 = np.random.default_rng(0).uniform(-0.3, 1.0, (30, dim))
+    bodies, hub = np.zeros(30, int), x0[:, 0] < 0.0
+    turn = np.radians(150.0) * axis
+    paths = Paths(StepEnds(x0, x0 @ rotation_by(turn).T, hub), bodies, {}, 0.01)
+    assert np.allclose(paths.at(0.5), x0 @ rotation_by(0.5 * turn).T)
+    table = RigidPath(np.zeros(dim), np.zeros(dim), np.radians(-200.0) * axis)
+    riding = Paths(StepEnds(x0, table.carry(x0, 1.0)), bodies, {-1: table}, 0.01)
+    assert np.allclose(riding.seen_from(-1), x0)
+    assert np.allclose(riding.at(0.5), table.carry(x0, 0.5))
+
+
+@pytest.mark.parametrize("strain", [0.0, 1e-3, -1e-3])
+@pytest.mark.parametrize("pin", [0, 10, 20])
+def test_a_bar_turns_about_its_pin(pin, strain):
+    """One prescribed node tells no rotation; the pin may be anywhere, and is shifted besides."""
+    x = np.linspace(0.0, 2.0, 21)
+    x0 = np.concatenate([np.c_[x, 0.0 * x], np.c_[x, 0.0 * x + 0.1]])
+    led = np.arange(len(x0)) == pin
+    shift = np.array([3.0, -1.0])
+    stretched = (x0 - x0[pin]) * [1.0 + strain, 1.0]
+    x1 = x0[pin] + shift + stretched @ rotation(np.radians(50.0)).T
+    middle = Paths(StepEnds(x0, x1, led), np.zeros(len(x0), int), {}, 0.01).at(0.5)
+    assert middle[pin] == pytest.approx(x0[pin] + 0.5 * shift, abs=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [20.0, 50.0, 400.0])
+def test_the_held_rim_of_a_ring_tied_to_a_turning_hub_stays(degrees):
+    """Its inner nodes follow the rigid boundary of the hub, and its rim does not."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    unit = np.c_[np.cos(angles), np.sin(angles)]
+    x0, bodies = np.concatenate([0.3 * unit, 0.5 * unit, unit]), np.repeat([0, 1, 1], 40)
+    hub = RigidPath(np.zeros(2), np.zeros(2), np.radians([degrees]))
+    x1 = np.concatenate([hub.carry(x0[:80], 1.0), x0[80:]])
+    ends = StepEnds(x0, x1, bodies == 0, known={0: hub, 1: hub})
+    middle = Paths(ends, bodies, {}, 0.01).at(0.5)
+    assert middle[80:] == pytest.approx(x0[80:], abs=0.01)

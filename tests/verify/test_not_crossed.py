@@ -128,7 +128,7 @@ def test_pressed_blocks_that_turn_together_are_silent(angle):
     scene.problem.solve(accept_violations=True)
     x, crossings = scene.problem.equations.bulk.positions(), scene.problem.equations.crossings
     scene.u.x.array[scene.problem.equations.bulk.space.dofs] += turned([3.0, -2.0], angle)(x) - x
-    assert crossings.passages(scene.problem.equations.motions.places) == []
+    assert crossings.passages(scene.problem.equations.motions.places) == ([], [])
     assert not [crossing for crossing in crossings.find() if crossing.facets > 0.2]
 
 
@@ -146,7 +146,7 @@ def test_ring_that_turns_on_a_shaft_is_silent(angle):
     bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("shaft/top", "ring/bottom")]
     problem = problem_of(data, [fm.ContactPair(data, "shaft/bottom", "ring/top")], bcs, u)
     move_body(problem, lambda x: np.hypot(*x.T) > 1.2, turned([0.0, 0.0], angle))
-    assert problem.equations.crossings.passages(problem.equations.motions.places) == []
+    assert problem.equations.crossings.passages(problem.equations.motions.places) == ([], [])
     assert not [c for c in problem.equations.crossings.find() if c.facets > 0.2]
 
 
@@ -168,4 +168,4 @@ def test_disk_that_rolls_far_in_one_step_is_silent():
     problem = problem_of(data, pairs, bcs, u)
     roll = turned([0.0, 1.0], -100.0)
     move_body(problem, lambda x: x[:, 1] > 0.5, lambda x: np.add(roll(x), [np.radians(100.0), 0.0]))
-    assert problem.equations.crossings.passages(problem.equations.motions.places) == []
+    assert problem.equations.crossings.passages(problem.equations.motions.places) == ([], [])

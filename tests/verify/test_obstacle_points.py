@@ -77,7 +77,7 @@ def test_points_that_a_function_without_distance_misses_are_left_out():
     crossings = problem.equations.crossings
     x = crossings.outline.positions(problem.equations.bulk.u.x.array)
     contact = problem.equations.contacts[0]
-    points = contact.now.on_obstacle.nearest_points()
+    points = contact.operators.nearest_points()
     assert ((points[:, 1] > 0.0) & (points[:, 1] < 1.0)).all()
     slave = crossings.outline.indices_of(contact.slave.nodes)
     assert not len(depths_of_obstacle(contact, crossings.outline, slave, x)[0])

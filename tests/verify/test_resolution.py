@@ -8,6 +8,7 @@ import pytest
 import revolved
 from scenes import internal, linear_elastic, pressed_blocks, read, rectangles
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
@@ -254,3 +255,43 @@ def test_tooth_in_a_facet_without_force_is_remarked(depth, told):
     assert (found.verdict == "remark") == told
     texts = [t for t in certificate.remarks() if "enters an unloaded facet of the slave" in t]
     assert bool(texts) == told
+
+
+def test_a_thin_strip_that_a_circle_bends_is_judged_as_any_body():
+    """One node carries a pressure below 1e-6 of the modulus."""
+    strip = mapped_grids.block(48, 2, width=1.0, height=0.01)
+    data = read(mapped_grids.build, grids=[Grid("strip", strip)], order=2)
+    V = fm.vector_space(data.mesh, 2)
+    circle = fm.Circle((0.98, 1.01), 1.0)
+    pair, clamped = fm.ContactPair(data, "strip/top", circle), (0.0, 0.0)
+    problem = elastic(data, fem.Function(V), pair, [fm.dirichlet(V, data, "strip/left", clamped)])
+    circle.move(y=-0.002)
+    (remark,) = remarks(problem, UNRESOLVED)
+    contact = problem.equations.contacts[0]
+    assert "1 active node at" in remark
+    assert 0.0 < np.max(contact.pressure) < 1e-6 * contact.modulus.max()
+
+
+def test_a_restored_state_is_judged_by_its_own_forces():
+    """The residual of a failed solve in between is not finite."""
+    data = read(rectangles, size=0.1, block=(-1.0, -1.0, 2.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    circle = fm.Circle((0.0, 0.098), 0.1)
+    logarithm = 1e-3 * ufl.ln(0.5 - u[1]) * ufl.TestFunction(V)[1]
+    residual = internal(u, linear_elastic(u, 100.0, 0.3))
+    residual += logarithm * ufl.dx(metadata={"quadrature_degree": 2})
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, "block/top", circle)],
+        bcs=[fm.dirichlet(V, data, "block/bottom", push)], petsc_options_prefix="restored_",
+    )  # fmt: skip
+    assert len(remarks(problem, UNRESOLVED)) == 1
+    state, told = problem.state(), problem.certificate().remarks()
+    push.value[:] = (0.0, 1.0)
+    circle.move(y=1.0)
+    with pytest.raises(fm.MortarError):
+        problem.solve()
+    push.value[:] = (0.0, 0.0)
+    circle.move(y=0.0)
+    problem.restore(state)
+    assert problem.certificate().remarks() == told

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from crossing_scenes import messages_with
+from scipy.spatial.transform import Rotation
 from space_pair_scenes import (
     arc_and_block,
     bent,
@@ -22,8 +23,7 @@ from space_scenes import held, solid
 
 import fenics_mortar as fm
 from fenics_mortar.utils.errors import MeshError
-from fenics_mortar.verify.node_paths import StepEnds
-from fenics_mortar.verify.space_passages import SpacePaths
+from fenics_mortar.verify.node_paths import Paths, RigidPath, StepEnds
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block, mapped
 
@@ -205,6 +205,23 @@ def test_a_plate_that_went_through_in_turned_frames():
 
 
 @pytest.mark.once
+@pytest.mark.parametrize("seed", [0, 179, 211])
+def test_nodes_that_begin_on_a_surface_go_through_it(seed):
+    """One of 18 nodes begins outside, up to rounding, and yet leaves the body first."""
+    crossings = plates().crossings
+    hull, random = crossings.outline, np.random.default_rng(seed)
+    upper = hull.bodies == hull.bodies[np.argmax(hull.X[:, 2])]
+    gap = hull.X[upper, 2].min() - hull.X[~upper, 2].max()
+    start = hull.X + upper[:, None] * [*random.uniform(-0.05, 0.05, 2), -gap]
+    along = np.array([start, start - upper[:, None] * [0.0, 0.0, 1.0]])
+    turn = Rotation.random(random_state=seed).as_matrix()
+    shift = np.random.default_rng(seed).uniform(-3.0, 3.0, 3)
+    lower = int(hull.bodies[~upper][0])
+    passed, _ = crossings.in_step.nodes_through(along @ turn.T + shift, lower, upper)
+    assert len(passed.ends) == upper.sum()
+
+
+@pytest.mark.once
 def test_rods_that_crossed_without_a_node_within_the_other():
     scene = rods()
     for side in ("two/left", "two/right"):
@@ -245,15 +262,16 @@ def test_nodes_of_a_body_that_turns_go_along_arcs():
     x0, angle = rng.normal(size=(20, 3)), np.radians(120.0)
     c, s = np.cos(angle), np.sin(angle)
     x1 = x0 @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [1, 2, 3]
-    paths = SpacePaths(StepEnds(x0, x1), np.zeros(20, np.int64), {}, resolution=np.inf)
-    assert len(paths.times) == 4
-    finer = SpacePaths(StepEnds(x0, x1), np.zeros(20, np.int64), {}, resolution=0.01)
+    given = StepEnds(x0, x1), np.zeros(20, np.int64), {-1: RigidPath(*np.zeros((3, 3)))}
+    assert len(Paths(*given, np.inf).seen_from(-1)) == 4
+    paths = Paths(*given, 0.01)
+    along = paths.seen_from(-1)
     sagitta = np.linalg.norm(x0 - x0.mean(axis=0), axis=1).max() * (
-        1.0 - np.cos(0.5 * angle / (len(finer.times) - 1))
+        1.0 - np.cos(0.5 * angle / (len(along) - 1))
     )
-    assert 0.005 < sagitta < 0.01
-    assert np.allclose(paths.along[0], x0) and np.allclose(paths.along[-1], x1)
-    sizes = np.linalg.norm(paths.along - paths.along.mean(axis=1, keepdims=True), axis=2)
+    assert 0.003 < sagitta < 0.01  # the farthest point is taken to be a corner of their box
+    assert np.allclose(along[0], x0) and np.allclose(along[-1], x1)
+    sizes = np.linalg.norm(along - along.mean(axis=1, keepdims=True), axis=2)
     assert np.allclose(sizes, sizes[0])
     assert np.allclose(paths.seen_from(0), paths.seen_from(0)[:1])
 

@@ -185,3 +185,25 @@ def test_neighbours_on_a_face_of_order_two(size, at_vertices):
         across = {(m, 8) for m in middles} if size == 9 else {(3, 4), (4, 5), (3, 5)}
         expected = halves | across
     assert found == {tuple(sorted(edge)) for edge in expected}
+
+
+def test_a_thin_sheet_that_a_cylinder_bends_is_judged_as_any_body():
+    """Pressures of 1e-8 of the modulus; nodes beside the tip carry a tenth of the right force."""
+    sheet = block((12, 2, 1), size=(1.0, 0.2, 0.01), order=2)
+    cylinder = fm.Cylinder((0.98, 0.0, 0.11), (0.0, 1.0, 0.0), 0.1)
+    scene = bodies([Box("sheet", sheet)], ["sheet/left"], [("sheet/top", cylinder)], order=2)
+    cylinder.move(z=-0.002)
+    report = scene.problem.solve()
+    contact = scene.problem.equations.contacts[0]
+    assert 0.0 < scene.problem.contacts[0].pressure.max() < 1e-6 * contact.modulus.max()
+    assert remarks_with(report, "nodes carry forces where the surfaces are apart")
+
+
+@pytest.mark.parametrize("x", [0.0, 10.0])
+def test_pressures_that_are_rounding_are_not_judged(x):
+    """A cap that touches a block without a load, as built or moved far along with it."""
+    scene = cap_on_block(4)
+    for side in ("upper/top", "lower/bottom"):
+        scene.move(side, (x, 0, 0))
+    report = scene.solve()
+    assert value_of(report, "unresolved_force") == 0.0 and value_of(report, "openings") == 0.0

@@ -213,7 +213,7 @@ def test_body_whose_prescribed_nodes_turn_is_followed_about_their_centre(
     )
     move_body(problem, lambda x: in_arm(x.T), turned(np.zeros(2), degrees))
     crossings, places = problem.equations.crossings, problem.equations.motions.places
-    found, possible = crossings.passages_of_step(places)
+    found, possible = crossings.passages(places)
     assert bool(found) == touches
     # the ends of the step do not exclude the other sense
     assert all("unless a body turned the other way round" in message for message in found)
@@ -276,7 +276,7 @@ def test_body_that_turns_with_an_obstacle_is_carried_by_it(pivot, is_free):
         bar.move(angle=np.radians(degrees))
         move_body(problem, lambda x: x[:, 1] > -9.0, turned(np.array(pivot), degrees))
         crossings, places = problem.equations.crossings, problem.equations.motions.places
-        assert crossings.passages_of_step(places) == ([], [])
+        assert crossings.passages(places) == ([], [])
         move_body(problem, lambda x: x[:, 1] > -9.0, turned(np.array(pivot), -degrees))
 
 

@@ -49,7 +49,7 @@ def measure(dofs):
             lambda: crossings.passages(problem.equations.motions.places), REPEATS
         )
         crossings.accept(problem.equations.motions.places)
-        assert passed == [] and all(crossing.facets < 0.1 for crossing in found)
+        assert passed == ([], []) and all(crossing.facets < 0.1 for crossing in found)
         costs.append((seconds / report.num_iterations, state, step))
     return size_of(problem), len(crossings.outline.segments), *np.median(costs, axis=0)
 

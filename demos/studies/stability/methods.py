@@ -161,7 +161,7 @@ REMEDIES = {
         "falling_wheel",
         "10",
         "default",
-        Method("not moved", override=without((FloatingBodies, "settle", lambda *given: []))),
+        Method("not moved", override=without((solver, "settle", lambda *given: []))),
     ),
     "no_springs": Remedy(
         "vanishing springs on rigid modes that contact leaves free",

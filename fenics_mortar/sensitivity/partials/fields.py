@@ -35,8 +35,6 @@ from functools import cached_property, reduce
 from operator import add
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from mpi4py import MPI
-
 import numpy as np
 from scipy.sparse import bsr_array, csr_array, eye, vstack
 
@@ -50,8 +48,8 @@ from fenics_mortar.interface.on_obstacle import (
     gaps_along,
     on_facets,
     points_of,
-    whole_rule,
 )
+from fenics_mortar.interface.reference import facet_rule
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import from_all_ranks, sum_over_ranks
 
@@ -107,48 +105,35 @@ class Layout:
         at = np.searchsorted(in_order, np.maximum(dofs, in_order[0]))
         return np.where(dofs >= 0, order[at], -1)
 
-    def matrix(self, blocks: Iterable[Block], count: int) -> Matrix:
-        """Sum over ranks of blocks with dofs as columns, (count, size) (collective)."""
-        placed = (Block(rows, self.places(columns), values) for rows, columns, values in blocks)
-        return assembled(placed, (count, self.size), self._sides[0].comm)
+    def only(self, part: slice) -> Matrix:
+        """Derivative of a part of the vector, as ``z``, by the vector (local)."""
+        return csr_array(eye(part.stop - part.start, self.size, part.start))
 
-    def nodal(
-        self, blocks: Iterable[Block], by_z: Array | None = None, by_motion: Array | None = None
-    ) -> Matrix:
-        """Derivative of values of the slave nodes, shape (slave nodes, size) (collective).
+    def matrix(
+        self, blocks: Iterable[Block], count: int, by_z: Array | None = None,
+        by_motion: Array | None = None,
+    ) -> Matrix:  # fmt: skip
+        """Derivative of some numbers, shape (count, size) (collective).
 
         Args:
-            blocks: Derivative with respect to displacements: rows are slave nodes, columns global
-                dofs; each rank has a part.
-            by_z: That with respect to the multiplier of the node, shape (slave nodes, d).
-            by_motion: That with respect to the motions of the obstacle, shape (slave nodes, m).
+            blocks: Derivative with respect to displacements: columns are global dofs; each rank has
+                a part. Rows and columns of -1 are ignored.
+            count: Number of rows.
+            by_z: That of a number of each slave node with respect to its multiplier, shape (slave
+                nodes, d), equal on all ranks.
+            by_motion: That with respect to the motions of the obstacle, (count, m), likewise.
         """
-        slave = self._sides[0]
-        j = np.arange(slave.num_nodes)[:, None]
-        placed = [Block(rows, self.places(columns), values) for rows, columns, values in blocks]
+        parts = zip(*map(entries_of, [NO_BLOCK, *blocks]), strict=True)
+        mine = [np.concatenate(several) for several in parts]
+        rows, columns, values = from_all_ranks(self._sides[0].comm, mine)
+        on = (rows >= 0) & (columns >= 0)
+        at = rows[on], self.places(columns[on])
+        found = csr_array((values[on], at), shape=(count, self.size))
         if by_z is not None:
-            places = self.z.start + self.dim * j + np.arange(self.dim)
-            placed.append(rows_at_nodes(slave, places, by_z))
+            found = found + by_node(by_z[:, None]) @ self.only(self.z)
         if by_motion is not None:
-            places = self.motion.start + 0 * j + np.arange(self.num_motions)
-            placed.append(rows_at_nodes(slave, places, by_motion))
-        return assembled(placed, (slave.num_nodes, self.size), slave.comm)
-
-
-def assembled(
-    blocks: Iterable[Block], shape: tuple[int, int], comm: MPI.Comm | None = None
-) -> Matrix:
-    """Matrix of blocks; rows and columns of -1 are ignored.
-
-    With a communicator the blocks of all ranks (collective), else those given (local).
-    """
-    parts = map(entries_of, [NO_BLOCK, *blocks])
-    entries = [np.concatenate(several) for several in zip(*parts, strict=True)]
-    if comm is not None:
-        entries = from_all_ranks(comm, entries)
-    on = (entries[0] >= 0) & (entries[1] >= 0)
-    rows, columns, values = (several[on] for several in entries)
-    return csr_array((values, (rows, columns)), shape=shape)
+            found = found + csr_array(by_motion) @ self.only(self.motion)
+        return found
 
 
 def by_node(values: Array) -> Matrix:
@@ -208,18 +193,14 @@ def fields_by_state(contact: Interface, names: Iterable[str]) -> Changes:
 def _weighted_gap(contact: Interface, layout: Layout) -> Matrix:
     o = contact.operators
     by_motion = o.dgap_dq if isinstance(o, ObstacleOperators) else None
-    return layout.nodal(o.gap_derivative(), by_motion=by_motion)
+    return layout.matrix(o.gap_derivative(), o.slave.num_nodes, by_motion=by_motion)
 
 
 def _z_n(contact: Interface, layout: Layout) -> Matrix:
     o, z = contact.operators, contact.z
     blocks = [rows_at_nodes(o.slave, o.normal_columns(), o.normal_derivative(z))]
     by_motion = np.einsum("jc,jcm->jm", z, o.dn_dq) if isinstance(o, ObstacleOperators) else None
-    return layout.nodal(blocks, o.n, by_motion)
-
-
-def _z(contact: Interface, layout: Layout) -> Matrix:
-    return csr_array(eye(contact.z.size, layout.size, layout.z.start))
+    return layout.matrix(blocks, o.slave.num_nodes, o.n, by_motion)
 
 
 def of_law(f: ContactFields, layout: Layout, name: str) -> Matrix:
@@ -228,21 +209,28 @@ def of_law(f: ContactFields, layout: Layout, name: str) -> Matrix:
     return by_vectors(f, layout, f.by_vectors(row))
 
 
-def by_vectors(f: ContactFields, layout: Layout, row: VectorRow) -> Matrix:
+def by_vectors(f: ContactFields, layout: Layout, row: VectorRow, *, summed: bool = True) -> Matrix:
     """Derivative of a function of multiplier, slip and normal of a node (collective).
 
-    Shape (slave nodes, size).
+    Shape (slave nodes, size). ``summed``: see ``row_by_displacements``.
     """
     on_obstacle = isinstance(f.operators, ObstacleOperators)
     by_motion = row_by_motions(f, row) if on_obstacle else None
-    return layout.nodal(row_by_displacements(f, row), row.by_z, by_motion)
+    blocks = row_by_displacements(f, row, summed=summed)
+    return layout.matrix(blocks, len(row.by_z), row.by_z, by_motion)
 
 
 DERIVATIVES: dict[str, Callable[[Any, Layout], Matrix]] = {
-    "weight": lambda contact, layout: layout.nodal(contact.operators.weight_derivative()),
-    "gap": _weighted_gap, "z_n": _z_n, "z": _z,
+    "weight": lambda contact, layout: layout.matrix(
+        contact.operators.weight_derivative(), contact.slave.num_nodes
+    ),
+    "gap": _weighted_gap, "z_n": _z_n, "z": lambda contact, layout: layout.only(layout.z),
     "z_tau": lambda contact, layout: of_law(contact.now, layout, "z_tau"),
     "slip": lambda contact, layout: of_law(contact.now, layout, "slip"),
+    "rubbing": lambda c, layout: by_vectors(c.now, layout, c.now.rubbing, summed=False),
+    "total_slip": lambda contact, layout: tangential_derivative(
+        contact.now, layout, contact.now.slip_vector + contact.now.carried, of_slip=True
+    ),
 }  # fmt: skip
 
 # Numbers of a node as functions of the law's arguments.
@@ -253,10 +241,10 @@ OF_LAW = {
 }
 
 
-def of_vectors(f: SpaceFields) -> dict[str, dict[str, Array]]:
-    """Derivatives of arguments of the law by the vectors of slip and normals (local).
+def of_vectors(f: ContactFields) -> dict[str, dict[str, Array]]:
+    """Derivatives of arguments of the law by the normals, in space also by vectors of slip (local).
 
-    By their names, shape (slave nodes, 1, 3) each [unit of the argument over that of the vector].
+    By their names, shape (slave nodes, 1, d) each [unit of the argument over that of the vector].
     """
     rows = {name: f.by_vectors(row) for name, row in OF_LAW.items()}
     return {
@@ -265,14 +253,40 @@ def of_vectors(f: SpaceFields) -> dict[str, dict[str, Array]]:
     }
 
 
-def shear_vector_derivative(f: SpaceFields, layout: Layout) -> Matrix:
-    """Derivative of the shear P z in space, (3 slave nodes, size) (collective)."""
-    n, z, z_n = f.operators.n, f.z_u, f.z_n
-    none, (count, dim) = np.zeros(len(z)), z.shape
-    found = []
+def of_slips(f: SpaceFields) -> dict[str, dict[str, Array]]:
+    """Those in space of the power of the shear, and of the total slip (local).
+
+    Shape (slave nodes, 1, 3) and (slave nodes, 3, 3) [unit of the quantity over the vector's].
+    """
+    n, s, rubbing = f.operators.n, f.slip_vector + f.carried, f.rubbing
+    s_n = np.einsum("ja,ja->j", n, s)[:, None, None]
+    return {
+        "rubbing": {"slip_of_step": rubbing.by_slip[:, None], "normal": rubbing.by_normal[:, None]},
+        "total_slip": {
+            "slip_vector": np.eye(3) - n[:, :, None] * n[:, None],
+            "normal": -s_n * np.eye(3) - n[:, :, None] * s[:, None],
+        },
+    }
+
+
+def tangential_derivative(
+    f: SpaceFields, layout: Layout, vectors: Array, *, of_slip: bool
+) -> Matrix:
+    """Derivative of P v in space, (3 slave nodes, size) (collective).
+
+    Args:
+        f: Fields in space.
+        layout: Places of the values of the pair.
+        vectors: The vectors v, multipliers or the slip of the law, shape (slave nodes, 3).
+        of_slip: Whether they are the slip.
+    """
+    n, none, found = f.operators.n, np.zeros(len(vectors)), []
+    v_n, (count, dim) = np.einsum("ja,ja->j", n, vectors)[:, None], vectors.shape
     for a in np.eye(dim):
         n_a = (n @ a)[:, None]
-        row = VectorRow(none, a - n_a * n, np.zeros_like(z), none, -z_n[:, None] * a - n_a * z)
+        by = [a - n_a * n, np.zeros_like(n)]
+        by_z, by_slip = by[::-1] if of_slip else by
+        row = VectorRow(none, by_z, by_slip, none, -v_n * a - n_a * vectors)
         found.append(by_vectors(f, layout, row))
     node_by_node = np.arange(dim * count).reshape(dim, count).T.ravel()
     return vstack(found, format="csr")[node_by_node]
@@ -385,14 +399,14 @@ def check_positions(contact: Interface) -> None:
 def fields_by_shape(contact: Contact, name: str) -> Changes:
     """Derivatives of gap, z_n, z_tau and slip with respect to a parameter of the shape.
 
-    Collective. In space also those of the normals.
+    Collective. Also those of the normals.
 
     Args:
         contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
 
     Returns:
-        Shape (slave nodes, m) each, of vectors (3 slave nodes, m), for the m numbers of the
+        Shape (slave nodes, m) each, of normals (d slave nodes, m), for the m numbers of the
         parameter.
 
     Raises:
@@ -400,7 +414,7 @@ def fields_by_shape(contact: Contact, name: str) -> Changes:
     """
     if contact.pair.sliding == "small":
         raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
-    f, o = contact.now, contact.now.on_obstacle
+    f, o = contact.now, contact.operators
     value = np.asarray(o.obstacle.shape()[name])
     units = np.eye(value.size).reshape(value.size, *value.shape)
     what = f"the derivative of '{o.obstacle.name}' by '{name}'"
@@ -408,16 +422,16 @@ def fields_by_shape(contact: Contact, name: str) -> Changes:
         o.slave.comm, what, lambda: (_gap(contact, name, units), _normals(contact, o, name, units))
     )
     gap = sum_over_ranks(o.slave.comm, gap).T
+    found, vectors = {"normal": dn.reshape(len(dn), -1).T, "gap": gap}, of_vectors(f)
     if isinstance(f, SpaceFields):
-        found = {"normal": dn.reshape(len(dn), -1).T, "gap": gap}
-        return found | {name: through_fields(by, found) for name, by in of_vectors(f).items()}
-    dtau, z = np.stack([-dn[..., 1], dn[..., 0]], axis=-1), f.state.z
-    z_n, z_tau = (np.einsum("mjc,jc->jm", change, z) for change in (dn, dtau))
-    changes = {"gap": gap, "z_n": z_n, "z_tau": z_tau}
-    if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
-        slip = np.einsum("mjc,jc->jm", dtau, contact.partners.rotated(o))
-        changes["slip"] = np.where(np.isfinite(contact.plane_normals[:, :1]), 0.0, slip)
-    return changes
+        vectors |= of_slips(f)
+    else:
+        del vectors["slip"]
+        if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
+            by_normal = contact.partners.by_normal(o)
+            by_normal[np.isfinite(contact.plane_normals[:, 0])] = 0.0
+            vectors["slip"] = {"normal": by_normal[:, None]}
+    return found | {name: through_fields(by, found) for name, by in vectors.items()}
 
 
 def _distances(o: Any, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
@@ -431,7 +445,8 @@ def _gap(contact: Contact, name: str, directions: Array) -> Array:
     o, slave, nodes = contact.operators, contact.slave, contact.operators.facet_nodes
     gap = np.zeros((len(directions), slave.num_nodes))
     if len(nodes):
-        rule = whole_rule(contact.options, slave.degree, nodes.shape[1])
+        options, size = contact.options, nodes.shape[1]
+        rule = facet_rule(options.integration, size, options.points, slave.dim)
         at = points_of(o.x[nodes], rule[0])
         phi, _ = _distances(contact.obstacle, at.reshape(-1, slave.dim), name, directions)
         phi = phi.reshape(-1, *at.shape[:2])

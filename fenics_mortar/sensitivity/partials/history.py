@@ -67,20 +67,22 @@ from fenics_mortar.sensitivity.partials.fields import (
     Changes,
     Layout,
     Matrix,
-    assembled,
     by_node,
     of_law,
+    of_slips,
     of_vectors,
     rows_at_nodes,
     rows_by_fields,
-    shear_vector_derivative,
+    tangential_derivative,
     through_fields,
 )
 from fenics_mortar.utils.arrays import EPSILON, Array, Indices
 from fenics_mortar.utils.errors import call_together, check_choice
 
 
-def slip_by_earlier(contact: Contact, then: ContactFields, layout: Layout) -> Matrix:
+def slip_by_earlier(
+    contact: Contact, then: ContactFields, layout: Layout, carried: Array | None = None
+) -> Matrix:
     """Derivative of the slip of the step by the earlier state, (r slave nodes, size) (collective).
 
     In the plane of r = 1 number, in space of vectors, r = 3.
@@ -89,16 +91,17 @@ def slip_by_earlier(contact: Contact, then: ContactFields, layout: Layout) -> Ma
         contact: The contact, evaluated at the end of the step.
         then: Fields of the state that defines the partners.
         layout: Places of the values of the pair.
+        carried: In space the summed slip of former steps, which turns with the slave and is added,
+            shape (slave nodes, 3) [length].
     """
-    terms = (_TermsInPlane if layout.dim == 2 else _TermsInSpace)(contact, then)
-    rows = np.arange(terms.by_start[:, :, 0].size)[:, None]
-    by_places = layout.matrix(terms.blocks(), rows.size)
-    if not terms.on_obstacle:
-        return by_places
-    by_motion = -np.concatenate([terms.by_start, terms.by_turn() / then.operators.arm], axis=2)
-    columns = layout.motion.start + 0 * rows + np.arange(layout.num_motions)
-    of_rows = Block(rows, columns, by_motion.reshape(rows.size, 1, layout.num_motions))
-    return by_places + assembled([of_rows], (rows.size, layout.size))
+    terms: Any = (_TermsInPlane if layout.dim == 2 else _TermsInSpace)(contact, then)
+    if carried is not None:
+        terms.by_spins[0] += np.cross(carried[:, None], np.eye(3))
+    count, by_motion = terms.by_start[:, :, 0].size, None
+    if terms.on_obstacle:
+        by_motion = -np.concatenate([terms.by_start, terms.by_turn() / then.operators.arm], axis=2)
+        by_motion = by_motion.reshape(count, layout.num_motions)
+    return layout.matrix(terms.blocks(), count, by_motion=by_motion)
 
 
 class _Terms(ABC):
@@ -289,7 +292,8 @@ class PairHistory:
 
     Attributes:
         fields: Derivatives of the slip of the step, in space also of the shear in its direction,
-            shape (slave nodes, size of the vector) each.
+            of their power, and of the total slip, shape (slave nodes, size of the vector) each,
+            of the last one three rows a node.
         rows: Derivative of the rows, through slip and the initial shear of redundant sticks, shape
             (d slave nodes, size of the vector).
     """
@@ -310,13 +314,19 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
     keeps_shear = np.where(f.state.redundant & then.state.active, 1.0 / ELASTIC, 0.0)
     by = rows_by_fields(contact)
     if isinstance(f, SpaceFields) and isinstance(then, SpaceFields):
-        changes = {"slip_vector": slip_by_earlier(contact, then, layout)}
-        fields = {name: through_fields(each, changes) for name, each in of_vectors(f).items()}
+        of_step = slip_by_earlier(contact, then, layout)
+        changes = {"slip_vector": of_step, "slip_of_step": of_step}
+        if contact.pair.law.summed_slip:
+            changes["slip_vector"] = slip_by_earlier(contact, then, layout, f.carried)
+        fields = {
+            name: through_fields(each, changes)
+            for name, each in (of_vectors(f) | of_slips(f)).items()
+        }
         if redundant:
             weighted = zip(contact.rows.frame()[2:4], f.row_tangents, strict=True)
             dyads = sum(weight[:, :, None] * along[:, None] for weight, along in weighted)
             by["shear"] = dyads * keeps_shear[:, None, None]
-            changes["shear"] = shear_vector_derivative(then, layout)
+            changes["shear"] = tangential_derivative(then, layout, then.z_u, of_slip=False)
         return PairHistory(fields, through_fields(by, changes))
     off_planes = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
     changes = {"slip": by_node(off_planes[:, None, None]) @ slip_by_earlier(contact, then, layout)}
@@ -428,16 +438,50 @@ def memory_of_pair(contact: Contact) -> PairMemory:
     def at_memory(name: str, changed: Any) -> tuple[Law, Mapping[str, Any]]:
         return law, {"memory": {**given.memory, name: changed}}
 
-    def by_own(response: Response) -> Matrix:
-        before = [(name, np.asarray(given.memory[name])) for name in law.memory]
-        parts = [by(response, name, value, partial(at_memory, name)) for name, value in before]
-        return by_node(np.stack(parts, axis=2))
-
     by_fields = {name: by_argument(name) for name in ("gap", "slip", "z_n", "z_tau")}
+    of_slip = by_fields["slip"], by_fields["z_tau"]
     by_mean_gap = by_fields["gap"] + by_fields["slip"] * f.slip_by_gap[:, None]
     gap = by_mean_gap * f.per_weight[:, None]
     by_fields |= {"gap": gap, "weight": -gap * f.mean_gap[:, None]}
-    return PairMemory(by_fields, by_own(change_of_memory), by_own(change_of_rows))
+    sums = isinstance(f, SpaceFields) and law.summed_slip
+    if sums:
+        by_fields["total_slip"] = components_of(law, np.eye(3) + np.zeros((len(gap), 1, 1)))
+
+    def by_own(response: Response, of_sum: Any) -> Matrix:
+        parts = []
+        for name in law.memory:
+            if sums and name == law.summed_slip:
+                turned = of_sum() @ contact.partners.rotation_of_slave(f.operators)
+                parts += list(np.moveaxis(turned, 2, 0))
+            else:
+                value = np.asarray(given.memory[name])
+                parts.append(by(response, name, value, partial(at_memory, name)))
+        return by_node(np.stack(parts, axis=2))
+
+    def memory_by_sum() -> Array:
+        assert isinstance(f, SpaceFields)
+        vectors = of_vectors(f) | of_slips(f)
+        change = by_fields["total_slip"] @ vectors["total_slip"]["slip_vector"]
+        for by_number, name in zip(of_slip, ("slip", "z_tau"), strict=True):
+            change = change + by_number[:, :, None] * vectors[name]["slip_vector"]
+        return change
+
+    def rows_by_sum() -> Array:
+        return rows_by_fields(contact)["slip_vector"]
+
+    own = by_own(change_of_memory, memory_by_sum)
+    return PairMemory(by_fields, own, by_own(change_of_rows, rows_by_sum))
+
+
+def components_of(law: Law, vectors: Array) -> Array:
+    """Values of the components of the summed slip (n, 3, c) among those of the memory (local).
+
+    Shape (n, names of the memory, c), zero for other names [unit of the vectors].
+    """
+    at = law.memory.index(str(law.summed_slip))
+    found = np.zeros((len(vectors), len(law.memory) + 2, vectors.shape[2]))
+    found[:, at : at + 3] = vectors
+    return found
 
 
 def change_of_rows(contact: Contact, name: str, value: Array, direction: Array, at: At) -> Array:
@@ -484,7 +528,12 @@ def change_of_memory(contact: Contact, name: str, value: Array, direction: Array
         f"the derivative of {law!r} by the state",
         lambda: differentiate(what, value, direction, remembered),
     )
-    return np.asarray(made).T
+    change = np.asarray(made).T
+    if contact.slave.dim == 3 and law.summed_slip:  # which follows from the vectors of slip
+        column = law.memory.index(law.summed_slip)
+        none = np.zeros((3, len(change)))
+        change = np.column_stack([*change.T[:column], *none, *change.T[column + 1 :]])
+    return change
 
 
 def _complex(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Nodal:
@@ -505,7 +554,7 @@ def _residuals(f: ContactFields, law: Law, changes: Mapping[str, Any]) -> Array:
         found[0] = law.tangential(node, f.state.branch).residual
     if law.has_adhesion:
         opened = replace(node, gap=np.maximum(node.gap, 0.0))
-        found[1] = law.adhesion_at(opened).residual + f.adhesion[1] * np.minimum(node.gap, 0.0)
+        found[1] = law.adhesion_at(opened).residual + f.pull.by_gap * np.minimum(node.gap, 0.0)
     found[2] = node.gap
     return found
 

@@ -161,11 +161,14 @@ def _deepest(contact: Contact, gaps: Array, at: Array) -> Place:
 def _without_partner(measured: Measured) -> Iterator[Finding]:
     """Number of nodes inside another body without a partner in any pair, and of slave nodes."""
     contact, missed = measured.contact, _count_missed(measured)
+    steepest = contact.pair.discretization.max_angle
     yield Finding(
         "missed_nodes", "nodes inside another body without a partner", missed,
         f"{missed} nodes are inside another body and have no partner: contact was missed, since "
-        f"partners are searched {describe_search_radius(contact)}; take smaller steps or a larger "
-        "search_radius",
+        f"partners are searched {describe_search_radius(contact)}, on facets whose normals are "
+        f"opposite to {steepest:g} degrees; take smaller steps or a larger search_radius, or, if "
+        "the edge of a thin wedge is pressed, Discretization(max_angle=...) and the flat side as "
+        "slave",
         limit=0,
     )  # fmt: skip
     yield _uncovered(contact.multiplier_nodes & ~contact.covered)
@@ -185,7 +188,7 @@ def _count_missed(measured: Measured) -> int:
     inside = np.intersect1d(measured.inside, of_pair)
     found = np.setdiff1d(inside, measured.paired).size
     if contact.obstacle is not None:
-        phi = contact.on_obstacle.phi - contact.now.offset
+        phi = contact.operators.phi - contact.now.offset
         deep = phi < -HALF_FACET * contact.slave.nodal_lengths
         found += int((deep & ~np.isin(contact.slave.nodes, measured.paired)).sum())
     return found

@@ -75,7 +75,7 @@ def _of_surfaces(measured: Measured) -> Iterator[Finding]:
     forces, along = _forces_along_master(contact, measured.pressure)
     total = positive_or_one(float(forces.sum()))
     angle, where = float(along.sum()) / total, format_point(contact.operators.x[along.argmax()])
-    shear, excess, sticks_at = _at_corners(contact, forces, total)
+    shear, excess, sticks_at = _at_corners(measured, forces, total)
     is_slave = shear > 0.5 * LIMITS.at_corners
     known = "direction and depth are" if is_slave else "depth is"
     remedy = "take the other side as slave, round it" if is_slave else "round it"
@@ -130,7 +130,7 @@ def _forces_along_master(contact: Contact, pressure: Array) -> tuple[Array, Arra
     return forces, along
 
 
-def _at_corners(contact: Contact, forces: Array, total: float) -> tuple[float, float, str]:
+def _at_corners(measured: Measured, forces: Array, total: float) -> tuple[float, float, str]:
     """Force along the surface due to averaged normals at corners of the slave (collective).
 
     The force on a node acts along its averaged normal. If the normal of the nearby master lies
@@ -139,10 +139,11 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> tuple[float, f
     slave facet. Beyond the end of a slave surface the body may continue at any angle.
 
     Args:
-        contact: The pair.
+        measured: The pair.
         forces: Norms of the normal forces, shape (slave nodes,) [stress length].
         total: Their sum [stress length].
     """
+    contact = measured.contact
     o = contact.operators
     before, after = facet_angles(contact)
     corners = (contact.active & (after - before > LIMITS.corner)).nonzero()[0]
@@ -162,7 +163,7 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> tuple[float, f
         first = np.flatnonzero(mine)[forces[corners[mine]].argmax()]
         across = rotated_by(o.n[corners[first]], angle[first])
         if (contact.branch[corners[mine]] == STICK).any():
-            excess = _excess_shear(contact, runs == kept[k], across)
+            excess = _excess_shear(measured, runs == kept[k], across)
             if excess > largest:
                 largest, where = excess, format_point(o.x[corners[first]])
     return float(error) / total, largest, where
@@ -186,23 +187,23 @@ def facet_angles(contact: Contact) -> tuple[Array, Array]:
     return before, after
 
 
-def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
+def _excess_shear(measured: Measured, run: Flags, across: Array) -> float:
     """Shear force of a run over the friction limit at its pressures, minus one [1] (local).
 
-    Limits are at least those of pressures that are rounding.
+    Limits are at least those over which the error of the solution is no remark.
 
     Args:
-        contact: The pair.
+        measured: The pair.
         run: Nodes of the run, shape (slave nodes,), bool.
         across: Direction of the pressures, a unit vector pointing out of the slave, shape (2,).
     """
+    contact = measured.contact
     pressure = np.where(run, contact.z @ across, 0.0)
     limit = contact.now.friction_limit(pressure)
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
-    rounding = LIMITS.min_pressure * float(contact.modulus.max() * weight[run].sum())
     shear = abs(float((weight * (contact.z @ -quarter_turn(across)))[run].sum()))
-    return shear / max(allowed, rounding) - 1.0 if allowed > 0.0 else 0.0
+    return shear / max(allowed, measured.solved / OF_FRICTION) - 1.0 if allowed > 0.0 else 0.0
 
 
 def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:

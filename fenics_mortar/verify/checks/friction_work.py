@@ -186,7 +186,7 @@ def relative_difference(
 
 def _work_on_obstacle(contact: Contact, before: Array, after: Array) -> tuple[float, float]:
     """Work on an obstacle of shears (slave nodes, dim) at the nodes, and its bound (local)."""
-    partners, o = contact.partners, contact.on_obstacle
+    partners, o = contact.partners, contact.operators
     obstacle, dim = o.obstacle, o.obstacle.dim
     now, then = (obstacle.pivot + place[:dim] for place in (obstacle.place, partners.place))
     turned = partners.at(o).slave.Q if dim == 3 else surface_rotation(o.slave, partners.x, o.x)

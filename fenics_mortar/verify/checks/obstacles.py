@@ -86,7 +86,7 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
 
 def _loaded_away(contact: Contact) -> Finding:
     """Mean distance of nodes from the obstacle, weighted by their forces (local)."""
-    o = contact.on_obstacle
+    o = contact.operators
     forces = np.abs(np.einsum("jc,jc->j", contact.now.forces[0], o.n))
     away = forces * np.abs(o.phi - contact.now.offset) / contact.slave.nodal_lengths
     part = float(away.sum()) / positive_or_one(float(forces.sum()))

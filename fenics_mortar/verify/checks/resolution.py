@@ -79,16 +79,16 @@ OPENING = 2.5
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
     """Force on regions that are too narrow, and on gaps of any kind (collective)."""
-    part, regions = _narrow_regions(measured.contact, measured.pressure)
+    part, regions = _narrow_regions(measured)
     yield Finding(
         "unresolved_force", "force on regions that the facets do not resolve / normal force", part,
         f"{part:.0%} of the normal forces act on regions that the mesh does not resolve: {regions}",
         remark=LIMITS.at_corners,
     )  # fmt: skip
     if measured.contact.slave.dim == 3:
-        yield _opening(measured.contact, measured.pressure)
+        yield _opening(measured)
         return
-    gaps, where = _gaps_of_facets(measured.contact, measured.pressure)
+    gaps, where = _gaps_of_facets(measured)
     yield Finding(
         "facet_gaps", "gaps between nodes due to facets / approach of the bodies", gaps,
         "facets of the two sides do not fit: between the nodes, most of all at "
@@ -98,16 +98,12 @@ def of_contact(measured: Measured) -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _is_pressed(contact: Contact, pressure: Array) -> bool:
-    """Whether pressures (slave nodes,) [stress] are more than rounding."""
-    return float(pressure.max(initial=0.0)) > LIMITS.min_pressure * float(contact.modulus.max())
-
-
-def _opening(contact: Contact, pressure: Array) -> Finding:
+def _opening(measured: Measured) -> Finding:
     """Mean gap of active nodes in space by forces over the approach of the bodies (collective)."""
-    pressure = np.where(contact.active, np.maximum(pressure, 0.0), 0.0)
+    contact = measured.contact
+    pressure = np.where(contact.active, np.maximum(measured.pressure, 0.0), 0.0)
     opening, where = 0.0, ""
-    if _is_pressed(contact, pressure) and not contact.offset.any():
+    if measured.is_pressed and pressure.any() and not contact.offset.any():
         force, modulus = pressure * contact.operators.weight, float(contact.modulus.max())
         size = np.sqrt(contact.operators.weight[contact.active].sum())
         # gaps of active nodes are not zero under a law with a closing gap
@@ -126,7 +122,7 @@ def _opening(contact: Contact, pressure: Array) -> Finding:
 def _gaps_of_nodes(contact: Contact) -> Array:
     """Distances of the active nodes from the other side, along their normals, (n,) (local)."""
     if contact.obstacle is not None:
-        return np.asarray(contact.on_obstacle.phi)
+        return np.asarray(contact.operators.phi)
     o, gaps, there = contact.operators, np.zeros(contact.slave.num_nodes), contact.active
     corners, weights = nearest_on_master(o, np.flatnonzero(there))
     nearest = np.einsum("nk,nkc->nc", weights, o.m[corners])
@@ -134,17 +130,11 @@ def _gaps_of_nodes(contact: Contact) -> Array:
     return gaps
 
 
-def _narrow_regions(contact: Contact, pressure: Array) -> tuple[float, str]:
-    """Fraction of the normal forces in regions that are too narrow, and the largest of them.
-
-    Collective.
-
-    Args:
-        contact: The pair.
-        pressure: Normal multipliers, shape (slave nodes,) [stress].
-    """
+def _narrow_regions(measured: Measured) -> tuple[float, str]:
+    """Fraction of the normal forces in narrow regions, and the largest of these (collective)."""
+    contact, pressure = measured.contact, measured.pressure
     slave, active = contact.slave, contact.active
-    if not _is_pressed(contact, pressure):
+    if not measured.is_pressed:
         return 0.0, ""
     if slave.dim == 2 and contact.at_vertices:  # inner nodes of facets have no multiplier
         active = active | (slave.inner & active[slave.previous] & active[slave.following])
@@ -318,7 +308,7 @@ def _is_point_support(contact: Contact, nodes: Indices, facet: float) -> bool:
     slave, n = contact.slave, contact.operators.n
     around = np.concatenate([nodes, slave.previous[nodes], slave.following[nodes]])
     around = around[around >= 0]
-    points, normals = contact.on_obstacle.nearest_points()[around], n[around]
+    points, normals = contact.operators.nearest_points()[around], n[around]
     across = np.hypot(*(points[:, None] - points).transpose(2, 0, 1))
     sines = 0.5 * np.hypot(*(normals[:, None] - normals).transpose(2, 0, 1))
     i, j = np.unravel_index(int(np.argmax(sines)), sines.shape)
@@ -333,24 +323,23 @@ def _sagittas(surface: Curve) -> Array:
     return np.where(is_curve, turns, 0.0) * surface.nodal_lengths / 8.0
 
 
-def _gaps_of_facets(contact: Contact, pressure: Array) -> tuple[float, str]:
+def _gaps_of_facets(measured: Measured) -> tuple[float, str]:
     """Gaps of either sign between active nodes over the approach of the bodies (collective).
 
     Gaps are those of curved surfaces, at most the sagitta of their facets; larger ones are due to
     the deformation. The approach is estimated as force over stiffness. Where offsets remove gaps
     of the mesh, those between nodes exert no forces.
 
-    Args:
-        contact: The pair.
-        pressure: Normal multipliers, shape (slave nodes,) [stress].
-
     Returns:
         Their root mean square over the approach [1], zero without pressure; where they are largest.
     """
+    contact = measured.contact
     slave, o, s = contact.slave, contact.operators, contact.intersections()
-    if not _is_pressed(contact, pressure) or contact.offset.any():
+    if not measured.is_pressed or contact.offset.any():
         return 0.0, ""
-    approach = float(np.maximum(pressure, 0.0) @ slave.nodal_lengths) / float(contact.modulus.max())
+    approach = float(np.maximum(measured.pressure, 0.0) @ slave.nodal_lengths) / float(
+        contact.modulus.max()
+    )
     gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, POINTS_BETWEEN)
     # gaps of active nodes are not zero under a law with a closing gap
     known = np.abs(np.where(contact.active, np.nan_to_num(contact.gap), 0.0)).max(initial=0.0)

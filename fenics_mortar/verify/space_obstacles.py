@@ -1,44 +1,30 @@
 # SPDX-License-Identifier: MIT
-"""Paths of the nodes of hulls in a step in space, from its ends.
-
-Each body moves rigidly, with the rotation that fits its two positions best, at constant speeds
-about the shortest way or, of a body on a rigid boundary, by the known angle, and is strained at a
-constant rate in its own frame. The step is divided into sections in which bodies turn little, so
-that nodes move straight within each of them.
-
-Rigid obstacles in space inside bodies, and passages of bodies and obstacles through each other.
+"""Rigid obstacles in space inside bodies, and passages of bodies and obstacles through each other.
 
 **A state.** As in the plane, see ``overlap``, points of an obstacle are located in the bodies:
 those nearest to the nodes of a body and to points of its facets near the obstacle, and the salient
 points of the obstacle. So an obstacle is found between the nodes, at any side of a body, and inside
-it.
-Of a body that the obstacle covers away from the pair when the problem is set up, only the slave
+it. Of a body that the obstacle covers away from the pair when the problem is set up, only the slave
 counts, as of one that hangs over the edge of a floor, which is given as a plane.
 
-**A step.** Nodes of the bodies are followed through the obstacle, see ``passages``, and
-the points of the obstacle through the bodies, see ``space_passages``. The rotation of an obstacle
-about an axis is known, whatever its angle; between rotations about different axes it turns on the
-shortest way.
+**A step.** Nodes of the bodies are followed through the obstacle, see ``passages``, and the points
+of the obstacle through the bodies. The rotation of an obstacle about an axis is known, whatever its
+angle; between rotations about different axes it turns on the shortest way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_mortar.obstacles.rigid_motion import polar, vector_of
-from fenics_mortar.utils.arrays import SMALL_ANGLE, TINY, Indices, norms
+from fenics_mortar.obstacles.rigid_motion import at_place
+from fenics_mortar.utils.arrays import TINY, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.node_paths import Alternative, RigidPath, StepEnds, num_sections
-from fenics_mortar.verify.obstacle_passages import (
-    nodes_through,
-    own_frame,
-    pairs_of_obstacles,
-)
+from fenics_mortar.verify.obstacle_passages import nodes_through
 from fenics_mortar.verify.overlap import OutlineNames, obstacle_depths
 from fenics_mortar.verify.space_admitted import (
     ACROSS,
@@ -55,87 +41,11 @@ from fenics_mortar.verify.space_admitted import (
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.outline import Hull
     from fenics_mortar.obstacles.obstacle import Fields, Obstacle
     from fenics_mortar.utils.arrays import Array, Flags
+    from fenics_mortar.verify.node_paths import Paths
     from fenics_mortar.verify.passages import SpacePassages
-
-
-def motion_between(x0: Array, x1: Array) -> RigidPath:
-    """The rigid motion that fits two positions (n, 3) of a body best (Kabsch 1976)."""
-    start, end = x0.mean(axis=0), x1.mean(axis=0)
-    turn = vector_of(polar((x1 - end).T @ (x0 - start))[0])
-    return RigidPath(start, end, turn if np.linalg.norm(turn) >= SMALL_ANGLE else np.zeros(3))
-
-
-class SpacePaths:
-    """Positions of all nodes at the ends of the sections of a step.
-
-    Args:
-        ends: Both ends of the step; known motions have rotations of any size.
-        bodies: Body of each node, shape (n,).
-        obstacles: Motions of obstacles, by labels that are no bodies.
-        resolution: Largest distance of a path from its straight sections [length].
-        other: "sense" if doubtful bodies turn the other way than the shortest one.
-
-    Attributes:
-        alternatives: Other forms of motions that the ends do not tell.
-        motions: Motions of bodies and obstacles.
-        times: Ends of the sections, shape (sections + 1,), from 0 to 1.
-        along: Positions at these times, shape (sections + 1, n, 3) [length].
-    """
-
-    def __init__(
-        self, ends: StepEnds, bodies: Indices, obstacles: Mapping[int, RigidPath],
-        resolution: float, other: Alternative = "",
-    ) -> None:  # fmt: skip
-        (x0, x1), known = ends[:2], ends.known
-        backwards = ends.doubtful if other else ()
-        self.alternatives: Sequence[Alternative] = ("sense",) if ends.doubtful else ()
-        self.motions: dict[int, RigidPath] = {**obstacles, **known}
-        for body in np.unique(bodies).tolist():
-            if body not in known:
-                motion = motion_between(x0[bodies == body], x1[bodies == body])
-                self.motions[body] = motion.backwards() if body in backwards else motion
-        counts = [
-            num_sections(motion.angle, norms(x0 - motion.start).max(initial=0.0), resolution)
-            for motion in self.motions.values()
-        ]
-        self.times = np.linspace(0.0, 1.0, max(counts, default=1) + 1)
-        self.along = np.empty((len(self.times), *x0.shape))
-        for body in np.unique(bodies).tolist():
-            at, motion = bodies == body, self.motions[body]
-            strain = motion.back(x1[at], 1.0) - x0[at]
-            for k, time in enumerate(self.times):
-                self.along[k, at] = motion.carry(x0[at] + time * strain, time)
-
-    def seen_from(self, label: int, along: Array | None = None) -> Array:
-        """Positions in the frame of a body or an obstacle, shape (sections + 1, n, 3) [length].
-
-        They are moved with it to the start of the step.
-
-        Args:
-            label: Label of the body or the obstacle.
-            along: Positions in space at the ends of the sections; those of all nodes by default.
-        """
-        motion = self.motions[label]
-        frames = zip(self.along if along is None else along, self.times, strict=True)
-        return np.array([motion.back(x, time) for x, time in frames])
-
-    def points_seen_from(self, body: int, label: int, points: Array) -> tuple[Array, Array]:
-        """Paths of points of an obstacle and of all nodes in the frame of a body.
-
-        Args:
-            body: The body.
-            label: Label of the obstacle.
-            points: Positions of its points at the start, shape (k, 3) [length].
-
-        Returns:
-            Of the points (sections + 1, k, 3) and of the nodes (sections + 1, n, 3) [length].
-        """
-        along = np.array([self.motions[label].carry(points, time) for time in self.times])
-        return self.seen_from(body, along), self.seen_from(body)
 
 
 # Points of a triangle near an obstacle, weights of its corners: a grid of a quarter of its sides.
@@ -354,42 +264,30 @@ class SpaceObstacle:
         """Names of the surface of a triangle and of the obstacle (collective)."""
         return self._names.segment(triangle), self._name
 
-    def passages(self, paths: SpacePaths, through: SpacePassages, place: Array) -> Iterator[str]:
+    def passages(
+        self, paths: Paths, through: SpacePassages, place: Array, x1: Array
+    ) -> Iterator[str]:
         """Messages on nodes through the obstacle, or else on points of it through bodies.
 
         Args:
             paths: Paths of the nodes and the obstacles.
             through: Detection of passages through bodies.
             place: Place of the obstacle at the start, shape (6,) [length, radian].
+            x1: Positions of the nodes at the end, shape (n, 3) [length].
         """
-        nodes, x1 = np.flatnonzero(self.counted), paths.along[-1]
-        knots = own_frame(self.obstacle, paths.seen_from(self.label)[:, nodes], place)
+        nodes, seen = np.flatnonzero(self.counted), paths.seen_from(self.label)[:, self.counted]
+        with at_place(self.obstacle, place):
+            knots = self.obstacle.to_own_frame(seen)
         given = knots, self.offset()[nodes], self.hull.node_sizes(x1)[nodes]
 
         def name(first: int) -> str:
             return self._names.node(int(nodes[first]))
 
         found = nodes_through(self.hull.comm, self.obstacle, given, x1[nodes], name)
-        return iter(found) if found else self._points_through(paths, through)
-
-    def _points_through(self, paths: SpacePaths, through: SpacePassages) -> Iterator[str]:
-        """Messages on points of the obstacle that went through bodies."""
-        motion, x1 = paths.motions[self.label], paths.along[-1]
-        beside = paths.seen_from(self.label)[:, self.counted].reshape(-1, 3)
-        begin = motion.back(self.points(x1, motion.carry(beside, 1.0)), 1.0)
+        if found:
+            return iter(found)
+        motion = paths.motions[self.label]
+        beside = motion.carry(seen.reshape(-1, 3), 1.0)
+        begin = motion.back(self.points(x1, beside), 1.0)
         at = self.label, self.obstacle, begin, self.bodies.tolist()
         return through.points_through(paths, *at, x1)
-
-
-def obstacles_in_space(
-    contacts: Sequence[Contact | Tie], slaves: Sequence[Indices], *given: Any
-) -> list[SpaceObstacle]:
-    """The obstacles of all pairs (collective).
-
-    Args:
-        contacts: The pairs.
-        slaves: Numbers of the slave nodes of each pair in the hulls.
-        given: Further arguments of ``SpaceObstacle``.
-    """
-    pairs = pairs_of_obstacles(contacts, slaves)
-    return [SpaceObstacle(number, *each, *given) for number, each in enumerate(pairs.items())]
