@@ -557,9 +557,14 @@ class FrictionWork(PairQuantity):
 
     Args:
         pair: Number of the pair.
+
+    Raises:
+        ValueError: When it is evaluated, if the pair is tied.
     """
 
-    def _of(self, contact: Contact) -> tuple[float, ByFields]:
+    def _of(self, contact: Any) -> tuple[float, ByFields]:
+        if not isinstance(contact, Contact):
+            raise ValueError(f"pair {self.pair} is tied: FrictionWork needs a contact")
         w, z_tau, slip, f = contact.operators.weight, contact.z_tau, contact.slip, contact.now
         if isinstance(f, SpaceFields):  # by vectors: the slip of a bond may have another direction
             return f.friction_work, {"weight": z_tau * slip, "rubbing": w}

@@ -159,8 +159,8 @@ def test_interruption_in_compiled_code_is_recognized():
     assert fm.gradient(FORCE, MU, problem).value > 0.0
 
 
-def test_nodal_positions_of_ties_are_refused():
-    """This was an AttributeError before."""
+def test_nodal_positions_and_friction_work_of_ties_are_refused():
+    """Both were an AttributeError before."""
     data = small_blocks().data
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -174,6 +174,8 @@ def test_nodal_positions_of_ties_are_refused():
     problem.solve()
     with refused(fm.MortarError, "TiedPair.* nodal positions as controls need contact"):
         fm.gradient(FORCE, sensitivity.NodalPositions(), problem)
+    with refused(ValueError, "pair 0 is tied: FrictionWork needs a contact"):
+        sensitivity.FrictionWork(0).value(problem)
 
 
 def test_nodal_positions_with_memory_are_refused():
