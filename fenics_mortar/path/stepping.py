@@ -21,6 +21,7 @@ inertia.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -494,7 +495,7 @@ def check_steps(options: Any, on_step: Any) -> None:
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
 
 
-class Steps:
+class Steps(ABC):
     """Steps to a given time: failed ones are reverted and cut; all methods are collective.
 
     Args:
@@ -525,21 +526,21 @@ class Steps:
         self.problem.time = time
         call_together(self.problem.equations.comm, "set_loads", partial(self._set_loads, time))
 
+    @abstractmethod
     def attempt(self, time: float, step: float) -> NewtonReport:
         """Solve for the end of a step that starts at a time; its record.
 
         Raises:
             NotConvergedError: On all ranks, if a smaller step is to be taken.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def accept(self, time: float, step: float, newton: NewtonReport) -> float:
         """Add a step that ends at a time to the report; the longest next one [time]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
         """Message on the end of the steps at a time, after one of the smallest size failed."""
-        raise NotImplementedError
 
     def run(self, on_step: Callable[[float, NewtonReport], None] | None) -> Any:
         """Take the steps, see ``follow_path``; the report."""
