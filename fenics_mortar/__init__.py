@@ -28,9 +28,9 @@ try:
     from fenics_mortar import laws as laws
     from fenics_mortar.bulk.history import quadrature_function
     from fenics_mortar.bulk.inertia import Velocity
+    from fenics_mortar.contact.conductance import Conductance, GapConductance, PressureConductance
     from fenics_mortar.contact.fluxes import NodalFlux
     from fenics_mortar.contact.law import Coulomb, Frictionless, Law, Tresca
-    from fenics_mortar.contact.law_calls import Conductance, GapConductance, PressureConductance
     from fenics_mortar.contact.pair import ContactPair, Discretization, Pretension, TiedPair
     from fenics_mortar.contact.view import PairView
     from fenics_mortar.equations.general import State
@@ -39,7 +39,8 @@ try:
     from fenics_mortar.io.paraview import ResultsWriter, contact_table
     from fenics_mortar.io.picture import plot
     from fenics_mortar.mesh.data import MeshData, dirichlet
-    from fenics_mortar.mesh.from_arrays import mesh_from_arrays, mesh_from_meshio
+    from fenics_mortar.mesh.from_arrays import mesh_from_arrays
+    from fenics_mortar.mesh.from_meshio import mesh_from_meshio
     from fenics_mortar.mesh.gmsh_reader import read_gmsh
     from fenics_mortar.models.in_space import InSpace
     from fenics_mortar.models.model_check import ModelCheck

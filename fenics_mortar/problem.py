@@ -16,30 +16,17 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from fenics_mortar.bulk import checks
 from fenics_mortar.bulk.bodies import check_mesh_overlap
-from fenics_mortar.bulk.checks import (
-    check_axis,
-    check_cells,
-    check_radius,
-    check_slave_nodes,
-    check_space,
-    check_subdomains,
-    refuse_history,
-    refuse_inertia,
-)
 from fenics_mortar.bulk.fluxes import check_rules
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
+from fenics_mortar.bulk.revolution import check_axis, check_radius
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair, Pretension, TiedPair
 from fenics_mortar.contact.tied import bind
 from fenics_mortar.contact.view import PairView
+from fenics_mortar.equations import general
 from fenics_mortar.equations.arguments import check_arguments, check_in_space, check_options
-from fenics_mortar.equations.general import (
-    ContactEquations,
-    State,
-    restored_if_interrupted,
-    unchanged_if_refused,
-)
 from fenics_mortar.equations.inputs import Inputs, check_roles
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.predictor import Continuation
@@ -50,15 +37,8 @@ from fenics_mortar.la.condensed import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.rigid.spread import BoundaryMotion, BoundSection, check_remote, refuse_remote
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.compat import free_garbage_of_earlier, keep_communicators
-from fenics_mortar.utils.errors import (
-    check_kind,
-    check_no_effect,
-    check_number,
-    check_same_texts,
-    together,
-)
 from fenics_mortar.utils.ranks import on_any_rank
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.tangent import OperatorMatrices, TangentCheck, check_tangent
@@ -90,12 +70,12 @@ def check_given(
     lists = ("bcs", "remote", "history")
     forms = ("residual", "u", "jacobian", "before_assembly", *lists)
     options = {name: value for name, value in given.items() if name not in forms}
-    check_kind("u", given["u"], fem.Function, "a function of dolfinx")
+    errors.check_kind("u", given["u"], fem.Function, "a function of dolfinx")
     mesh = given["u"].function_space.mesh
     comm = mesh.comm
     if comm.size > 1:
         compat.settle_coordinate_element(mesh)
-    with together(comm, "ContactProblem"):
+    with errors.together(comm, "ContactProblem"):
         check_arguments(pairs, given)
         check_remote(given["remote"])
         check_options(given, model_check)
@@ -107,12 +87,12 @@ def check_given(
     check_in_space(given, pairs)
     options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
     counts = {"pairs": len(pairs), **{name: len(given[name]) for name in lists}}
-    check_same_texts(comm, "ContactProblem", {**counts, **options})
+    errors.check_same_texts(comm, "ContactProblem", {**counts, **options})
 
 
 def equations_of(
     given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair]
-) -> ContactEquations:
+) -> general.ContactEquations:
     """Equations of a problem, for arguments of ``ContactProblem`` by name (collective).
 
     Gaps of ties are removed from the mesh.
@@ -125,10 +105,10 @@ def equations_of(
     free_garbage_of_earlier(u.function_space.mesh.comm)
     weight = thickness_of(given["geometry"], given["thickness"])
     space = DisplacementSpace(u.function_space, given["displacement"], weight)
-    check_space(space.V, pairs)
+    checks.check_space(space.V, pairs)
     for name, form in (("residual", residual), ("jacobian", jacobian)):
         if form is not None:
-            check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
+            checks.check_subdomains(name, form, space.V.mesh, [pair.data for pair in pairs])
     if given["solver"] == "iterative" and space.is_mixed:
         raise ValueError("solver='iterative': mixed functions need solver='direct'")
     loads = [load.bind(space) for load in given["remote"]]
@@ -146,14 +126,14 @@ def equations_of(
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
     keep_communicators(bulk.comm, bulk.r, bulk.K)
     loads += [BoundSection(c, bulk) for c in contacts if isinstance(c.pair, Pretension)]
-    check_slave_nodes(contacts)
+    checks.check_slave_nodes(contacts)
     check_roles(contacts)
-    check_cells(bulk)
-    check_mesh_overlap(space, contacts)
+    checks.check_cells(bulk)
+    check_mesh_overlap(space, [side for c in contacts for side in (c.slave, c.master)])
     bulk.input_data.check()
     linearization, newton = LINEARIZATIONS[given["linearization"]], given["newton"]
     newton = newton or NewtonOptions()
-    equations = ContactEquations(bulk, contacts, linearization, newton, loads)
+    equations = general.ContactEquations(bulk, contacts, linearization, newton, loads)
     outline = equations.crossings.outline
     labels = outline.gather(bulk.space.spread(equations.floating.labels))[:, 0]
     outline = replace(outline, bodies=labels.astype(np.int64))  # tied bodies are one
@@ -162,7 +142,7 @@ def equations_of(
     return equations
 
 
-def solver_of(equations: ContactEquations, given: dict[str, Any]) -> Solver:
+def solver_of(equations: general.ContactEquations, given: dict[str, Any]) -> Solver:
     """Solver of equations, for arguments of ``ContactProblem`` by name (collective)."""
     prefix, solver, linear_bulk = (
         given[name] for name in ("petsc_options_prefix", "solver", "linear_bulk")
@@ -266,7 +246,7 @@ class ContactProblem:
         given, apart = locals().copy(), ("self", "pairs", "model_check")
         self._given = {name: value for name, value in given.items() if name not in apart}
         check_given(self._given, pairs, model_check)
-        with unchanged_if_refused(u):
+        with general.unchanged_if_refused(u):
             self.equations = equations_of(self._given, pairs)
             self._solver = solver_of(self.equations, self._given)
             self._continuation = Continuation(self.equations)
@@ -297,7 +277,7 @@ class ContactProblem:
 
     @time.setter
     def time(self, time: float) -> None:
-        check_number("time", time, "a finite number", np.isfinite)
+        errors.check_number("time", time, "a finite number", np.isfinite)
         for contact in self.equations.contacts:
             contact.change(load_time=float(time))
 
@@ -334,14 +314,16 @@ class ContactProblem:
         """
         self._renew_if_interrupted()
         cure = "set up a new problem, or see variant(); problem.equations.newton may be set"
-        with together(self.equations.comm, "ContactProblem"):
-            check_no_effect("the problem", self, [*self._given, "pairs", "model_check"], cure)
+        with errors.together(self.equations.comm, "ContactProblem"):
+            errors.check_no_effect(
+                "the problem", self, [*self._given, "pairs", "model_check"], cure
+            )
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
             self.equations.newton, accept_violations=accept_violations, predict=predict
         )
         self.equations.floating.restrict()
-        with restored_if_interrupted(self.equations):
+        with general.restored_if_interrupted(self.equations):
             model_check = self.equations.model_check
             given = {"accept_violations": accept_violations, "may_cut": may_cut}
             solve = partial(self._solver.solve, remarks, **given)
@@ -356,11 +338,11 @@ class ContactProblem:
         """Accept the last evaluated state: slip is counted from it (collective)."""
         self._solver.accept()
 
-    def state(self) -> State:
+    def state(self) -> general.State:
         """Present displacement, interface states and places, as a value (local)."""
         return self.equations.state()
 
-    def restore(self, state: State) -> None:
+    def restore(self, state: general.State) -> None:
         """Restore a state of this problem exactly (collective).
 
         Raises:
@@ -433,7 +415,7 @@ class ContactProblem:
             MortarError: If bodies have inertia.
         """
         bulk, pairs = self.equations.bulk, [contact.pair for contact in self.equations.contacts]
-        refuse_inertia(bulk, "variant()")
+        checks.refuse_inertia(bulk, "variant()")
         changed = [
             pair.with_options(**pair_options) if isinstance(pair, ContactPair) else copy(pair)
             for pair in pairs
@@ -460,9 +442,9 @@ class ContactProblem:
                 bodies have inertia or history functions.
         """
         bulk = self.equations.bulk
-        refuse_inertia(bulk, "estimate()")
+        checks.refuse_inertia(bulk, "estimate()")
         refuse_remote(bulk.spread, "the error estimate is not implemented")
-        refuse_history(bulk, "estimate()")
+        checks.refuse_history(bulk, "estimate()")
         self._renew_if_interrupted()
         self._estimator = self._estimator or Estimator(bulk)
         self.equations.evaluate_operators()
@@ -511,7 +493,7 @@ class ContactProblem:
         """
         self._renew_if_interrupted()
         e = self.equations
-        with restored_if_interrupted(e):
+        with general.restored_if_interrupted(e):
             e.evaluate_operators()
             e.bulk.free_garbage()
             return LinearizedEquations(e).solve(rhs, transpose=transpose)
@@ -527,7 +509,7 @@ class ContactProblem:
             Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
         self._renew_if_interrupted()
-        with restored_if_interrupted(self.equations):
+        with general.restored_if_interrupted(self.equations):
             return check_tangent(self.equations, **options)
 
     def _renew_if_interrupted(self) -> None:

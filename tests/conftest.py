@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(config, items):
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
     alone = MPI.COMM_WORLD.size == 1
-    without, cases = {"ranks" if alone else "serial"}, config.option.cases
+    without, cases = {"several_ranks" if alone else "serial"}, config.option.cases
     if cases and not alone:
         without.add("once")
     items[:] = [item for item in items if without.isdisjoint(marks(item))]
@@ -81,8 +81,8 @@ def of_kernels(item):
 
 
 def marks(item):
-    """Names of the marks of a test: its keywords have names of folders, as of a clone, too."""
-    return {mark.name for mark in item.iter_markers()}
+    """Names of the marks and fixtures of a test: its keywords have names of folders, too."""
+    return {mark.name for mark in item.iter_markers()} | set(item.fixturenames)
 
 
 def by_function(items):
@@ -100,7 +100,7 @@ def count_of(cases, asked):
     several ranks only.
     """
     first = cases[0]
-    if "ranks" in marks(first) or folder(first) in ("kernels", "repository"):
+    if "several_ranks" in marks(first) or folder(first) in ("kernels", "repository"):
         return 0
     each = "each" in marks(first)
     if MPI.COMM_WORLD.size == 1:
@@ -132,6 +132,11 @@ def together():
     gc.collect()
     gc.freeze()
     FAILURES.wait()
+
+
+@pytest.fixture
+def several_ranks():
+    """Of tests that need several ranks, which are not run in serial."""
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from typing import NamedTuple
 PACKAGE = Path(__file__).resolve().parents[2] / "fenics_mortar"
 # Modules with frozen classes of thresholds that are no options of users.
 OPTIONS = (
-    "equations/arguments.py", "la/options.py", "rigid/proximal.py", "verify/finding.py",
+    "equations/arguments.py", "la/options.py", "obstacles/rigid_motion.py", "verify/finding.py",
 )  # fmt: skip
 
 

@@ -1,26 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Separate bodies of a mesh, and their rigid motions without resistance of the bulk.
+"""Separate bodies of a mesh: their rigid motions, and checks that they cover no point twice.
 
-Check at the set-up of a problem that the mesh covers no point of the plane or of space twice.
-
-A mesh of straight cells covers each point at most once if
-
-- the two cells of each inner facet lie on opposite sides of it, and no cell is twisted: otherwise
-  the mesh is folded at the facet;
-- the outline of a body does not cross itself: otherwise the body overlaps itself without a fold,
-  for example a strip wound by more than one turn;
-- no two facets of the outlines coincide with their bodies on the same side, and no body lies
-  completely inside another one: otherwise two bodies occupy the same area, for example an inclusion
-  and a matrix without a hole.
-
-Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
-
-In space folds and copies of facets are refused here; whether the outside of a body crosses itself,
-or a body lies inside another one, is seen by ``verify.crossing``.
+``label_bodies`` numbers the bodies, ``find_floating_bodies`` finds those with rigid motions that
+neither Dirichlet conditions nor the bulk resist, and ``check_mesh_overlap`` rejects a mesh at the
+set-up of a problem if it covers a point of the plane or of space twice.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -37,16 +25,18 @@ from scipy.sparse.csgraph import connected_components
 import basix
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.bulk.cells import normals_of
+from fenics_mortar.bulk.cells import normals_of, sum_over_cells
 from fenics_mortar.interface.outline import Outline, extract_outline
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.obstacles.rigid_motion import rigid_motions, turned
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import (
+    HALF_FACET,
     ROUNDING,
     SAME_PLACE,
     TINY,
     lines_cross,
+    near,
     near_pairs,
 )
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
@@ -54,7 +44,7 @@ from fenics_mortar.utils.ranks import from_all_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
-    from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -62,17 +52,41 @@ if TYPE_CHECKING:
 MINOR = 0.1
 
 
+class RemoteLoad(ABC):
+    """A load given at a point, or at a section, of a body with which it moves.
+
+    Attributes:
+        motion: Place and loads, those of the user's object.
+    """
+
+    motion: Any
+
+    @property
+    @abstractmethod
+    def driven(self) -> Flags:
+        """Whether forces drive a motion, shape (3,), bool."""
+
+    @abstractmethod
+    def move(self, change: Array) -> None:
+        """Add ``change`` to the motion, shape (3,) [length] (local)."""
+
+    @abstractmethod
+    def motions_by(self, body: FloatingBody, part: int) -> Array:
+        """The motions due to those of a body, at a part of it, shape (motions, 3) [1] (local)."""
+
+
 @dataclass(frozen=True)
 class PartMotion:
     """Translation of one side of a section of a body along an axis, against the other side.
 
     Attributes:
-        load: The remote load of the section, with its ``axis``: the direction in which the side
-            moves when the body is tightened, shape (dim,) [1].
+        load: The load of the section.
+        axis: Direction in which the side moves when the body is tightened, shape (dim,) [1].
         moves: Whether a part of the mesh moves, shape (parts,), bool.
     """
 
-    load: Any
+    load: RemoteLoad
+    axis: Array
     moves: Flags
 
 
@@ -110,7 +124,7 @@ class FloatingBody:
             parts: Parts of the mesh in which they lie, shape (n,).
         """
         rigid = rigid_motions(X, self.centre, self.size)
-        of_sections = [np.outer(each.moves[parts], each.load.axis)[None] for each in self.sections]
+        of_sections = [np.outer(each.moves[parts], each.axis)[None] for each in self.sections]
         return np.einsum("fm,mnc->fnc", self.motions, np.vstack([rigid, *of_sections]))
 
     def without(self, responses: Array) -> Self:
@@ -124,7 +138,7 @@ class FloatingBody:
         return replace(self, motions=left[:, rank:].T @ self.motions)
 
     def without_rotation(self, distance: Array) -> Self:
-        """This body with its motions that move two points alike; it may have none left (local).
+        """This body with its motions that move two points equally; it may have none left (local).
 
         Args:
             distance: Vector from one point to the other, shape (2,) [length].
@@ -159,7 +173,7 @@ class FloatingBody:
 
 
 def _echelon(rows: Array) -> Array:
-    """Reduced row echelon form of ``rows`` (n, m), of which any basis has the same [1] (local)."""
+    """Reduced row echelon form of ``rows`` (n, m), the same for any basis of these [1] (local)."""
     found, top = rows.copy(), 0
     for column in range(rows.shape[1]):
         if top == len(rows):
@@ -333,12 +347,27 @@ def products(matrix: Any, vectors: Array, *, transpose: bool = False) -> Array:
 BESIDE = 1e-3
 
 
-def check_mesh_overlap(space: DisplacementSpace, contacts: Sequence[Interface]) -> None:
+def check_mesh_overlap(space: DisplacementSpace, paired: Sequence[Curve]) -> None:
     """Reject a mesh that covers a point twice (collective; facets are compared to 1e-6).
+
+    A mesh of straight cells covers each point at most once if
+
+    - the two cells of each inner facet lie on opposite sides of it, and no cell is twisted:
+      otherwise the mesh is folded at the facet;
+    - the outline of a body does not cross itself: otherwise the body overlaps itself without a
+      fold, for example a strip wound by more than one turn;
+    - no two facets of the outlines coincide with their bodies on the same side, and no body lies
+      completely inside another one: otherwise two bodies occupy the same area, for example an
+      inclusion and a matrix without a hole.
+
+    Partly overlapping bodies are accepted as interference, and so are paired surfaces of one body.
+
+    In space folds and copies of facets are refused here; whether the outside of a body crosses
+    itself, or a body lies inside another one, is seen by ``verify.crossing``.
 
     Args:
         space: The displacement's nodes and dofs.
-        contacts: The pairs, whose surfaces may overlap.
+        paired: The surfaces of pairs, which may overlap; in space they do not count.
 
     Raises:
         MeshError: On all ranks; the message has a position.
@@ -355,11 +384,10 @@ def check_mesh_overlap(space: DisplacementSpace, contacts: Sequence[Interface]) 
             f"{count} facets have the cells of both sides on the same side: the mesh is folded "
             f"there, one at {where}; correct the mesh"
         )
+    _check_copies(mesh, sides)
     if dim == 2:
         labels, bodies = label_bodies(space.V)
-        _check_outline(extract_outline(space, labels, np.arange(bodies)), contacts)
-    else:
-        _check_copies(mesh, sides)
+        _check_outline(extract_outline(space, labels, np.arange(bodies)), paired)
 
 
 # Cells whose facets are compared at a time [1]: positions at all facets were most of the memory at
@@ -415,42 +443,34 @@ def _normals(corners: Array) -> Array:
 
 
 def _folded(mesh: Any, sides: _Sides) -> Array:
-    """Midpoints of the owned facets whose two cells lie on the same side, (n, dim) (collective).
+    """Midpoints of the facets whose two cells lie on the same side, (n, dim) (collective).
 
-    Without ghost cells, a rank has only one cell of a facet between two ranks; such facets are
-    gathered.
+    Those between two ranks on the rank that owns them.
     """
-    index_map = mesh.topology.index_map(mesh.topology.dim - 1)
-    size = index_map.size_local + index_map.num_ghosts
-    sums, count = np.bincount(sides.facet, sides.side, size), np.bincount(sides.facet, None, size)
-    row = np.zeros(size, np.int32)
+    of_cells = np.stack([sides.side, np.ones(len(sides.side))], axis=1)
+    sums, count = sum_over_cells(mesh, sides.facet, of_cells).T
+    row, here = np.zeros(len(sums), np.int32), np.bincount(sides.facet, minlength=len(sums))
     row[sides.facet] = np.arange(sides.facet.size)
-    wrong = sides.ends(row[(np.abs(sums) > 1.0) & (count > 1)]).mean(axis=1)
-    outer = dmesh.exterior_facet_indices(mesh.topology)
-    once = np.setdiff1d(np.flatnonzero(count == 1), outer).astype(np.int32)
-    if mesh.comm.size == 1:
-        return wrong
-    number = index_map.local_to_global(once)
-    numbers, signs = from_all_ranks(mesh.comm, (number, sums[once]))
-    known, inverse = np.unique(numbers, return_inverse=True)
-    total, times = np.bincount(inverse.ravel(), signs), np.bincount(inverse.ravel())
-    bad = known[(np.abs(total) > 1.0) & (times > 1)]
-    begin, end = index_map.local_range
-    mine = once[np.isin(number, bad) & (number >= begin) & (number < end)]
-    return np.concatenate([wrong, sides.ends(row[mine]).mean(axis=1)])
+    owned = np.arange(len(sums)) < mesh.topology.index_map(mesh.topology.dim - 1).size_local
+    mine = (here > 1) | (owned & (here == 1))
+    return sides.ends(row[mine & (np.abs(sums) > 1.0) & (count > 1.0)]).mean(axis=1)
 
 
 def _check_copies(mesh: Any, sides: _Sides) -> None:
     """Reject facets of the outside that coincide with the cells on the same side (collective)."""
-    from scipy.spatial import cKDTree  # not imported by problems in the plane
-
     outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
     corners, side = sides.ends(outer), sides.side[outer, None]
     mine = corners.mean(axis=1), side * _normals(corners)
     middles, normals = from_all_ranks(mesh.comm, mine)
-    sizes = np.sqrt(np.linalg.norm(normals, axis=1))
-    pairs = cKDTree(middles).query_pairs(SAME_PLACE * float(sizes.max()), output_type="ndarray")
-    i, j = pairs[np.lexsort(pairs.T[::-1])].T
+    sizes = np.linalg.norm(normals, axis=1) ** (1.0 / (middles.shape[1] - 1))
+    if middles.shape[1] == 2:
+        i, j = near(middles, middles, HALF_FACET * float(sizes.min()))
+        i, j = i[i < j], j[i < j]
+    else:
+        from scipy.spatial import cKDTree  # not imported by problems in the plane
+
+        pairs = cKDTree(middles).query_pairs(SAME_PLACE * float(sizes.max()), output_type="ndarray")
+        i, j = pairs[np.lexsort(pairs.T[::-1])].T
     close = np.linalg.norm(middles[i] - middles[j], axis=1) <= SAME_PLACE * sizes[i]
     copies = i[close & ((normals[i] * normals[j]).sum(axis=1) > 0.0)]
     if copies.size:
@@ -461,24 +481,15 @@ def _check_copies(mesh: Any, sides: _Sides) -> None:
         )
 
 
-def _check_outline(outline: Outline, contacts: Sequence[Interface]) -> None:
-    """Reject outlines that cross themselves, coincide or enclose each other (local)."""
+def _check_outline(outline: Outline, curves: Sequence[Curve]) -> None:
+    """Reject outlines that cross themselves or enclose each other (local)."""
     start, end = np.moveaxis(outline.X[outline.segments], 1, 0)
     pairs, body = near_pairs(start, end), outline.segment_bodies
     middles, along = 0.5 * (start + end), end - start
-    lengths = np.linalg.norm(along, axis=1)
-    i, j = pairs.T
-    near = np.linalg.norm(middles[i] - middles[j], axis=1) <= SAME_PLACE * lengths[i]
-    same = np.linalg.norm(along[i] - along[j], axis=1) <= SAME_PLACE * lengths[i]
-    if (near & same).any():
-        where = middles[i[np.argmax(near & same)]]
-        raise MeshError(
-            f"the mesh covers a place twice: two facets of the outside coincide at "
-            f"{format_point(where)}, with their bodies on the same side; remove the copy"
-        )
     paired = np.zeros(len(start), bool)
-    for surface in (side for c in contacts for side in (c.slave, c.master) if side.num_nodes):
-        paired |= outline.are_of(surface)
+    for curve in (curve for curve in curves if curve.num_nodes):
+        paired |= outline.are_of(curve)
+    i, j = pairs.T
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
     crosses = lines_cross(start, end, pairs, SAME_PLACE)
     links = outline.neighbours()

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The reference cell, and the cells of this rank: area ratios, points inside other bodies.
+"""Cells: the reference cell, deformation of a rank's cells, interpolation in the cells of a body.
 
-Linear interpolation between the nodes of a body, on its cells divided into triangles.
-
-Each rank interpolates in its own cells, so that no rank stores a whole body. Only points that a
-rank does not find there are sent to the others.
+``ReferenceCell`` has the sides and quadrature points of a kind of cell, ``Cells`` the area ratios
+of the owned cells of a space, and ``Triangles`` interpolates between the nodes of a body.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from math import factorial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,6 +17,7 @@ from mpi4py import MPI
 import numpy as np
 
 import basix
+from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.kernels.crossing import interpolate
@@ -32,6 +32,7 @@ from fenics_mortar.utils.arrays import (
     Indices,
     Numbers,
     cross_in_plane,
+    summed,
 )
 from fenics_mortar.utils.errors import count_points
 from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
@@ -248,6 +249,34 @@ def areas_or_nan(X: Array, cells: Numbers, gradients: Array) -> Array:
     return np.where(np.abs(areas) > ROUNDING * extent[:, None] ** X.shape[1], areas, np.nan)
 
 
+def sum_over_cells(mesh: Any, facets: Any, values: Array) -> Array:
+    """Sums over the one or two cells of each facet, on any ranks (collective).
+
+    Args:
+        mesh: The mesh.
+        facets: Local facets of owned cells, one for each cell and side, shape (n,).
+        values: Values of these sides, shape (n, c) [any unit].
+
+    Returns:
+        Of all local facets, shape (local facets, c) [unit of the values].
+    """
+    topology, comm = mesh.topology, mesh.comm
+    index_map = topology.index_map(topology.dim - 1)
+    size = index_map.size_local + index_map.num_ghosts
+    sums = np.stack([summed(column, facets, size) for column in values.T], axis=1)
+    if comm.size == 1:
+        return sums
+    topology.create_connectivity(topology.dim - 1, topology.dim)
+    alone = np.flatnonzero(np.bincount(facets, minlength=size) == 1)
+    between = np.setdiff1d(alone, dmesh.exterior_facet_indices(topology)).astype(np.int32)
+    names = index_map.local_to_global(between)
+    parts = comm.allgather((names, sums[between]))
+    for theirs, there in parts[: comm.rank] + parts[comm.rank + 1 :]:
+        _, mine, others = np.intersect1d(names, theirs, True, return_indices=True)
+        sums[between[mine]] += there[others]
+    return sums
+
+
 # Triangles between the nodes of a cell, by the number of nodes; for their order see ``bulk.cells``.
 DIVISIONS = {
     3: [[0, 1, 2]],
@@ -261,6 +290,10 @@ DIVISIONS = {
 
 class Triangles(NamedTuple):
     """Triangles between the local nodes of a body.
+
+    Fields are interpolated linearly between the nodes of a body, on its cells divided into
+    triangles. Each rank interpolates in its own cells, so that no rank stores a whole body. Only
+    points that a rank does not find there are sent to the others.
 
     Attributes:
         comm: Communicator.
@@ -284,25 +317,36 @@ class Triangles(NamedTuple):
         Returns:
             Values at these points, nan outside of the body, shape (p, 2) [unit].
         """
-        result = self._interpolate_here(values, points)
-        if self.comm.size == 1:
-            return result
-        missing = np.flatnonzero(np.isnan(result[:, 0]))
-        requests: list[Array] = self.comm.allgather(points[missing])
-        requests[self.comm.rank] = np.empty((0, 2))
-        answers = self.comm.alltoall([self._interpolate_here(values, there) for there in requests])
-        for rank, found in enumerate(answers):
-            if rank != self.comm.rank:
-                rest = np.isnan(result[missing, 0])
-                result[missing[rest]] = found[rest]
-        return result
+        return self.on_all_ranks(self._interpolate_here, values, points)[0]
 
-    def _interpolate_here(self, values: Array, points: Array) -> Array:
-        """Values (p, 2) at points (p, 2), nan outside of the cells of this rank (local)."""
+    def on_all_ranks(
+        self, find: Callable[[Array, Array], tuple[Array, Array]], values: Array, points: Array
+    ) -> tuple[Array, Array]:
+        """Values at points in the body, or what ``find`` gives for those outside (collective).
+
+        Args:
+            find: Values (p, 2) [unit] and distances (p,) [length] by the cells of a rank, of the
+                field and points that no rank has in its own cells; distances are inf for none.
+            values: Values at the local nodes, shape (n, 2) [unit].
+            points: Points of this rank, shape (p, 2) [length].
+
+        Returns:
+            Values, shape (p, 2) [unit], and distances from the body, shape (p,) [length].
+        """
+        found, distances = self._interpolate_here(values, points)
+        outside = np.flatnonzero(distances > 0.0)
+        requests = self.comm.allgather(points[outside])
+        for at, away in self.comm.alltoall([find(values, there) for there in requests]):
+            nearer = away < distances[outside]
+            found[outside[nearer]], distances[outside[nearer]] = at[nearer], away[nearer]
+        return found, distances
+
+    def _interpolate_here(self, values: Array, points: Array) -> tuple[Array, Array]:
+        """Values (p, 2) at points (p, 2) in the cells of this rank, and zeros, else nan and inf."""
         found = np.full((len(points), 2), np.nan)
         if len(self.nodes) and len(points):
             interpolate(points, self.boxes, self.X, self.nodes, values, found)
-        return found
+        return found, np.where(np.isnan(found[:, 0]), np.inf, 0.0)
 
 
 def triangulate(space: DisplacementSpace, mine: Indices) -> Triangles:

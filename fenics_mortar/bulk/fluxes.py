@@ -1,28 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Stress, loads and moduli extracted from the UFL residual of a user, for any material.
+"""Evaluation of a UFL residual in cells: stress, loads and moduli, and inversion at its points.
 
-A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
-boundary. Evaluation of its integrand I(v, grad v) for unit entries yields
-
-    f_i = -I(e_i, 0),    P_iJ = I(0, e_i x e_J),    t_i = -I(e_i, 0) on the boundary,
-
-and its derivative yields the moduli dP_iJ / dF_kL. With the test function q = 1 of another unknown,
-e.g. a pressure, it is a constraint on the displacement, zero at all points.
-
-Inversion of the deformation at the points where a form with finite strains is evaluated.
-
-A form sees the displacement at its quadrature points only. A deformation is inverted if det F <= 0
-at one of these, whether or not the stress has a barrier there: no body deforms in this way. Nodes
-of cells are not judged: below a corner or at a bonded edge, det F at a node may be negative on any
-mesh, although it is positive at all points of the form and the mesh converges.
-
-With linear strains the sign of det F has no meaning. If surfaces slide by finite distances, steps
-of Newton's method are limited nevertheless, since folded surfaces disturb the search for contact.
-But a cell limits them only until it is strongly compressed, so that few steps lead to any state.
-
-Strains of an integral over cells are recognized as linear if its derivative does not depend on the
-displacement, or vanishes for a gradient that is a rotation W = -W^T, at any displacement: the
-stress is a function of sym(grad u). With finite strains, stresses turn with the body.
+``Fluxes`` extracts the stress, the loads and the moduli of any material from the form.
+``FormPoints`` finds the deformations that the form inverts, at the points where it is evaluated.
+``check_rules`` rejects forms that the form compiler evaluates at wrong points.
 """
 
 from __future__ import annotations
@@ -80,6 +61,14 @@ class Values(NamedTuple):
 
 class Fluxes:
     """Compiled fluxes of a residual, evaluated at the present displacement.
+
+    A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
+    boundary. Evaluation of its integrand I(v, grad v) for unit entries yields
+
+        f_i = -I(e_i, 0),    P_iJ = I(0, e_i x e_J),    t_i = -I(e_i, 0) on the boundary,
+
+    and its derivative yields the moduli dP_iJ / dF_kL. With the test function q = 1 of another
+    unknown, e.g. a pressure, it is a constraint on the displacement, zero at all points.
 
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.
@@ -382,6 +371,21 @@ class FormPoints:
     """Points of the owned cells where integrals with finite strains are evaluated.
 
     Cells without such integrals have their nodes as points.
+
+    A form sees the displacement at its quadrature points only. A deformation is inverted if
+    det F <= 0 at one of these, whether or not the stress has a barrier there: no body deforms in
+    this way. Nodes of cells are not judged: below a corner or at a bonded edge, det F at a node may
+    be negative on any mesh, although it is positive at all points of the form and the mesh
+    converges.
+
+    With linear strains the sign of det F has no meaning. If surfaces slide by finite distances,
+    steps of Newton's method are limited nevertheless, since folded surfaces disturb the search for
+    contact. But a cell limits them only until it is strongly compressed, so that few steps lead to
+    any state.
+
+    Strains of an integral over cells are recognized as linear if its derivative does not depend on
+    the displacement, or vanishes for a gradient that is a rotation W = -W^T, at any displacement:
+    the stress is a function of sym(grad u). With finite strains, stresses turn with the body.
 
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.

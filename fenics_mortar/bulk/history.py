@@ -88,8 +88,8 @@ class History:
 
     Attributes:
         functions: The functions.
-        before_assembly: See above.
-        is_used: Whether there is any of both.
+        before_assembly: The argument.
+        is_used: Whether there is a history function, or such a function of the user.
         size: Number of all their local values.
     """
 

@@ -1,23 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Inertia of the bodies: mass matrix, velocity, accelerations, and forces in a time step.
 
-The acceleration at the end of a time step is linear in the displacement at this time, w = c
-(u - o). M w is added to the residual of the bulk and c M to its tangent; c and o are those of the
-time scheme.
+The acceleration at the end of a time step is linear in the displacement at this time,
+w = c (u - o). M w is added to the residual of the bulk and c M to its tangent; c and o are those of
+the time scheme.
 
-A mass matrix without mass at some nodes, and with unchanged rigid-body inertia.
-
-The kinetic energy of the nodes S is taken from the velocity of their nearest neighbours inside the
-body: v_S = W v_I with weights W of sum one. With P = (I, W) the matrix P^T M P has zero rows and
-columns at S and the same total mass; masses are shifted by about a cell. A quadratic polynomial s
-of the position, one for each body, restores centre of mass and moments of inertia:
-
-    M_r = S P^T M P S,    S = diag(s(X_i)),    s = 1 + O(h^2).
-
-(Khenous, Laborde & Renard 2008 obtain such a matrix by optimization.) If a body has so few cells
-across that s is not positive, W are the smallest weights that extrapolate affine fields. They
-preserve all moments without s, but the pressure behind a wave then oscillates with the frequency of
-a cell.
+``Inertia`` has the mass matrix and the rates, ``Velocity`` is the velocity in the forms of users.
+``redistributed`` takes the mass from some nodes, those of contact, without a change of rigid-body
+inertia.
 """
 
 from __future__ import annotations
@@ -63,6 +53,20 @@ Weigh = Callable[[Array], Array | None]
 
 def redistributed(space: DisplacementSpace, M: PETSc.Mat, nodes: Indices) -> tuple[Any, Any]:
     """The matrices M_r and P (collective).
+
+    Matrix M_r without mass at the nodes S, and with unchanged rigid-body inertia.
+
+    The kinetic energy of the nodes S is taken from the velocity of their nearest neighbours inside
+    the body: v_S = W v_I with weights W of sum one. With P = (I, W) the matrix P^T M P has zero
+    rows and columns at S and the same total mass; masses are shifted by about a cell. A quadratic
+    polynomial s of the position, one for each body, restores centre of mass and moments of inertia:
+
+        M_r = S P^T M P S,    S = diag(s(X_i)),    s = 1 + O(h^2).
+
+    (Khenous, Laborde & Renard 2008 obtain such a matrix by optimization.) If a body has so few
+    cells across that s is not positive, W are the smallest weights that extrapolate affine fields.
+    They preserve all moments without s, but the pressure behind a wave then oscillates with the
+    frequency of a cell.
 
     Args:
         space: The displacement's nodes and dofs.

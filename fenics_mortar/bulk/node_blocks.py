@@ -1,18 +1,14 @@
 # SPDX-License-Identifier: MIT
 """A matrix stored in rows and also in blocks of the two dofs of a node.
 
-**The entries of a PETSc matrix on this rank in compressed rows, in PETSc's own memory.** On several
-ranks PETSc stores the owned rows as two matrices: columns of this rank, and columns of other ranks.
-petsc4py gives access to copies only.
-
 PETSc assembles and factors blocks in about half of the time needed with rows; all other operations
 use rows. Values are copied by their positions, which are found once for each pattern; a copy takes
-a hundredth of the time of an assembly.
+a hundredth of the time of an assembly. ``NodeBlocks`` has both forms on one rank.
 
 Insertion into a matrix of one rank takes two thirds of that into a distributed one. Each rank
 therefore assembles its cells in blocks of all its local nodes, in the order of their global
 numbers: the rows of ghosts are stored one after another for each owner. They are sent to the
-owners, which add them.
+owners, which add them. See ``CellBlocks``.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.kernels import node_blocks
+from fenics_mortar.kernels import blocks as kernels
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.compat import COMM, INT, POINTER, petsc_function
 
@@ -55,6 +51,10 @@ CSR = tuple[npt.NDArray, npt.NDArray, Array]
 @dataclass
 class LocalRows:
     """Some columns of the owned rows; all methods are local.
+
+    They are entries of a PETSc matrix in compressed rows, in PETSc's own memory. On several ranks
+    PETSc stores the owned rows as two matrices: columns of this rank, and columns of other ranks.
+    petsc4py gives access to copies only.
 
     Attributes:
         starts: Entries, or blocks, of row i are starts[i]:starts[i + 1], shape (rows + 1,).
@@ -95,7 +95,7 @@ class LocalRows:
         Args:
             target: Rows of another matrix.
             indices: Positions of entries among those of the other matrix, shape (entries,).
-            kernel: One of ``kernels.node_blocks``.
+            kernel: One of ``kernels.blocks``.
         """
         kernel(self.values(), indices, target.values(change=True))
 
@@ -198,7 +198,7 @@ class NodeBlocks:
         if not self.fit(rows):
             return False
         if self._rows.stateGet() != self._copied:
-            self._in_rows.copy_to(self._in_blocks, self._indices, node_blocks.copy_to_blocks)
+            self._in_rows.copy_to(self._in_blocks, self._indices, kernels.copy_to_blocks)
             self.blocks.stateIncrease()
             self._copied = self._rows.stateGet()
         return True
@@ -267,7 +267,7 @@ class CellBlocks:
             entries = np.empty(4 * self._received_rows.size, np.int64)
             blocks = self._received_rows - self._first, self._received_columns - first
             if entries.size:
-                node_blocks.find_entries(part.starts, part.numbered(), *blocks, entries)
+                kernels.find_entries(part.starts, part.numbered(), *blocks, entries)
             self._parts.append((part, positions, entries))
 
     def copy_to(self, rows: PETSc.Mat) -> None:
@@ -279,11 +279,11 @@ class CellBlocks:
         if rows != self._rows or _pattern_of(rows) != self._pattern:
             self._match(rows)
         for part, positions, _ in self._parts:
-            self._own.copy_to(part, positions, node_blocks.copy_to_rows)
+            self._own.copy_to(part, positions, kernels.copy_to_rows)
         if self._comm.size > 1:
             received = self._exchange(self._stored.values(), 4)
             for part, _, entries in self._parts:
-                node_blocks.add_values(received, entries, part.values(change=True))
+                kernels.add_values(received, entries, part.values(change=True))
         rows.stateIncrease()
 
 
@@ -315,7 +315,7 @@ def _find_in_blocks(rows: LocalRows, starts: npt.NDArray, columns: npt.NDArray) 
         columns: Columns of the blocks over two, ascending in each row.
     """
     indices = np.empty(rows.columns.size, np.int64)
-    node_blocks.find_indices(rows.starts, rows.numbered(), starts, columns, indices)
+    kernels.find_indices(rows.starts, rows.numbered(), starts, columns, indices)
     return indices
 
 
@@ -329,7 +329,7 @@ def _in_blocks(rows: PETSc.Mat) -> PETSc.Mat:
     starts, columns = rows.getRowIJ()
     block_columns = np.empty_like(columns)
     block_starts = np.empty(len(starts) // 2 + 1, starts.dtype)
-    node_blocks.find_blocks(starts, columns, block_starts, block_columns)
+    kernels.find_blocks(starts, columns, block_starts, block_columns)
     csr = block_starts, block_columns[: block_starts[-1]]
     return PETSc.Mat().createBAIJ(rows.getSize(), 2, csr=csr, comm=rows.comm)
 

@@ -1,109 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Slip in a step as the length of the way along the surface, with rotations of any size.
 
-At a slave node with the contact normal n and tangent tau, let r be the vector from a material point
-of the master to the node. If psi is the angle of the normal and phi that of the master's material,
-the rate of slip is, for any such point and any motion,
-
-    u' = tau . r' - phi' n . r = (tau . r)' - (phi' - psi') n . r.
-
-The first form is tau times the velocity of the node relative to the material of the master at the
-same place. Of a step only both ends are known. The normal turns with the slave's material. With a
-constant rate of rotation, and a constant relative velocity r' in a frame in which the normal
-rotates by beta in the step, the integral is
-
-    u = (1 + theta kappa) [tau . r] - theta (n . r + n_0 . r_0) / 2,
-    kappa = (1 - h cot h) / (2 h),    h = beta / 2,
-
-with the change [tau . r] and the relative rotation theta = [phi] - [psi]. It vanishes for any
-rotation of the two bodies together, is exact for motions of a constant rate, and otherwise of
-second order in the step.
-
-Where contact transfers forces, its gap g along n is closed, or will be by the solution. So r ends
-at the master, n . r + g replaces n . r, unless a law acts at open gaps. Otherwise a gap of many
-facets couples the slip to the rotations of single facets within Newton's method: O-rings that a lid
-releases took two to seven times as many iterations.
-
-============  ======================  ========================  ====================================
-master        r from                  r' is constant in         exact
-============  ======================  ========================  ====================================
-an obstacle   its pivot, which may    space, beta = [psi]       translation; a wheel that turns in
-              lie anywhere                                      place, rolls on the slave, or is the
-                                                                slave; a slide along an arc
-a surface     the partner, see        the master's frame,       translation; either side turns about
-              ``slip``                beta = -theta             any point, as a shaft in a ring
-============  ======================  ========================  ====================================
-
-Angles of surfaces are those of their averaged normals at the material points, known up to full
-turns only; the angle of an obstacle is known. See ``Rotations``.
-
-In space the same is done with vectors. In a step the material of the slave at a node turns by Q,
-that of the master by R, both found from the motion of the nodes around it, see ``Material``. Slip
-is measured in the frame of the slave's material and stated in that of the end of the step, so that
-the direction of friction turns with the slave.
-
-**Two surfaces.** Let r be the vector from the material points of the master that the node faced to
-the node, r_0 that at the start. The relative motion is the screw motion of constant velocity that
-leads from start to end: with the relative rotation L of Q^T R = exp(L),
-
-    u = Q J(-L)^-1 (R^T r - r_0),    J(L) = int_0^1 exp(t L) dt.
-
-It vanishes for any motion of the two bodies together, and is exact where either side turns about
-any axis at a constant rate. Of L only the ends of the step are known: |L| < pi.
-
-**Obstacles.** The rotation w of an obstacle is known whatever its size, and r leads from its pivot
-to the node. With the velocity of the node past the pivot constant in the frame of the slave, and
-with exp(f) = Q,
-
-    u = r - Q r_0 - (a + a_0) / 2 - b(f) f x (a - a_0),    a = l x r,    a_0 = Q (l x r_0),
-
-with l = w - f and J(f)^-1 = 1 - F / 2 + b F^2. As in the plane, it is exact for translations, for a
-wheel that turns in place, whichever side it is, and for its rolling, wherever the pivot lies.
-
-A body that turns along with an obstacle by more than half a turn has the same Q: there f is the
-vector of Q that is next to w in l, see ``_beside``.
-
-Derivatives are those by spins a: dQ = a x Q, exp(L) has dL = J(L)^-1 a, and the polar rotation of
-A = P Q = sum_k x_k d_k^T has (tr P - P) a = sum_k (Q d_k) x dx_k.
-
-Slip of nodes that come into contact in a step in which supports turn their bodies.
-
-Supports lead bodies by a known motion: a turn w, and the straight path d of a pivot that ends at p.
-A node that such a motion brings into contact was elsewhere at the start of the step, and the point
-that it faced there may never meet it. Where two bodies turn, contact stays in place while material
-passes through it, and slip is what passes on one side less what passes on the other. So the step is
-divided. First both bodies move as rigid ones, at constant rates; slave and master slip by
-
-    u = tau . V(x'),    V(x) = d_s + w_s x (x - p_s) - d_m - w_m x (x - p_m).
-
-From there slip is counted as from an accepted state, see ``slip``: bodies deform, and turn and move
-by what supports do not tell. Both parts take place together, at the mean x' = (x + x_0) / 2 of the
-node's positions x, where it is, and x_0, to which the motion carries it; the point of the master
-likewise. Bodies that roll on each other do not slip, for any angle. If all nodes slide, the work of
-friction is that of the moments, F . (w_s x (x - p_s)) - F . (w_m x (x - p_m)) with the forces F on
-the slave: two tyres of radius R, pressed by 0.04 R on a fine mesh, to 0.3 %; with x in place of x'
-to 1.3 %. Motions that lead are found before a solve, and are fixed within it.
-
-Rates are constant in a frame that turns with the place of contact, by the part g that is common to
-the turns of both bodies and to that of the vector r between their pivots, from r_0 to r_1: there
-d_s - d_m = r_1 - exp(g) r_0, and the turns are less by g. So the bodies and their pivots may turn
-together by up to half a turn.
-
-Other motions are part of the solution: of rollers, driven hubs, bodies that ride on others. They
-are known after a solve, a fixed point of rigid motions that are fixed within each. Of the ends of a
-step any frame of constant rates may be true. The natural one is that of the place of contact: it
-moves from X_0 to X, the mean positions of the contact at both ends, weighted by its forces, and
-turns by g with its normal. Seen from there each body turns by a = w - g, about a pole if the
-motion of its pivot is not known to be straight, and slave and master pass by
-
-    V(x) = a x (x - p) + J(-a)^-1 (p - X - exp(g) (p_0 - X_0)).
-
-It is exact for wheels that turn in place, roll on anything, orbit as in a bearing, or slip as they
-do so, whichever of their points is p, and for whole scenes that turn. ``Place`` is not told without
-contact at both ends, or if it is all around; there supports alone lead.
-
-Nodes that carry force at the start of the step keep their partners: their contact moves along.
-Pairs with small sliding have no turns.
+``arc`` computes it in the plane, ``screw`` and ``past_obstacle`` in space. If a node comes into
+contact in a step in which its body turns, the first part of the way is that of rigid motions of the
+bodies, see ``Led``.
 """
 
 from __future__ import annotations
@@ -140,7 +40,43 @@ TILTED = np.pi / 9.0
 
 
 class Arc(NamedTuple):
-    """Slip of a step without the slip counted before, and its derivatives, see above.
+    """Slip of a step in the plane without the slip counted before, and its derivatives.
+
+    At a slave node with the contact normal n and tangent tau, let r be the vector from a material
+    point of the master to the node. If psi is the angle of the normal and phi that of the master's
+    material, the rate of slip is, for any such point and any motion,
+
+        u' = tau . r' - phi' n . r = (tau . r)' - (phi' - psi') n . r.
+
+    The first form is tau times the velocity of the node relative to the material of the master at
+    the same place. Of a step only both ends are known. The normal turns with the slave's material.
+    With a constant rate of rotation, and a constant relative velocity r' in a frame in which the
+    normal rotates by beta in the step, the integral is
+
+        u = (1 + theta kappa) [tau . r] - theta (n . r + n_0 . r_0) / 2,
+        kappa = (1 - h cot h) / (2 h),    h = beta / 2,
+
+    with the change [tau . r] and the relative rotation theta = [phi] - [psi]. It vanishes for any
+    rotation of the two bodies together, is exact for motions of a constant rate, and otherwise of
+    second order in the step.
+
+    Where contact transfers forces, its gap g along n is closed, or will be by the solution. So r
+    ends at the master, n . r + g replaces n . r, unless a law acts at open gaps. Otherwise a gap of
+    many facets couples the slip to the rotations of single facets within Newton's method: O-rings
+    that a lid releases took two to seven times as many iterations.
+
+    ============  ======================  ===================  =====================================
+    master        r from                  r' is constant in    exact
+    ============  ======================  ===================  =====================================
+    an obstacle   its pivot, which may    space, beta = [psi]  translation; a wheel that turns in
+                  lie anywhere                                 place, rolls on the slave, or is the
+                                                               slave; a slide along an arc
+    a surface     the partner, see        the master's frame,  translation; either side turns about
+                  ``slip``                beta = -theta        any point, as a shaft in a ring
+    ============  ======================  ===================  =====================================
+
+    Angles of surfaces are those of their averaged normals at the material points, known up to full
+    turns only; the angle of an obstacle is known. See ``Rotations``.
 
     Attributes:
         slip: u, shape (slave nodes,) [length].
@@ -180,7 +116,7 @@ def arc(
     beta: Array,
     gap: Array | float = 0.0,
 ) -> Arc:
-    """Slip of a step (local).
+    """Slip of a step in the plane, see ``Arc`` (local).
 
     Args:
         now: Vectors r and normals n at the end of the step, shape (..., 2) [length, 1].
@@ -316,6 +252,14 @@ def quarter_turn(v: Array) -> Array:
 class Turned(NamedTuple):
     """Rotations of the material at nodes in a step, and their derivatives.
 
+    In a step the material of the slave at a node turns by Q, that of the master by R, both found
+    from the motion of the nodes around it, see ``Material``. Slip in space is measured in the frame
+    of the slave's material and stated in that of the end of the step, so that the direction of
+    friction turns with the slave.
+
+    Derivatives are those by spins a: dQ = a x Q, exp(L) has dL = J(L)^-1 a, and the polar rotation
+    of A = P Q = sum_k x_k d_k^T has (tr P - P) a = sum_k (Q d_k) x dx_k.
+
     Attributes:
         Q: Rotations, shape (n, 3, 3) [1].
         stiff: Inverse of tr P - P, shape (n, 3, 3) [1 / length^2].
@@ -330,7 +274,7 @@ class Turned(NamedTuple):
         Args:
             along: Vectors, shape (n, 3) [1].
         """
-        return np.asarray(crosses(_times(self.stiff, along)) @ self.Q)
+        return np.asarray(crosses(times(self.stiff, along)) @ self.Q)
 
 
 class Material:
@@ -408,7 +352,17 @@ class Material:
 
 
 class Screw(NamedTuple):
-    """Slip between two surfaces in a step, see above; n nodes.
+    """Slip between two surfaces in a step in space; n nodes.
+
+    Let r be the vector from the material points of the master that the node faced to the node, r_0
+    that at the start. The relative motion is the screw motion of constant velocity that leads from
+    start to end: with the relative rotation L of Q^T R = exp(L),
+
+        u = Q J(-L)^-1 (R^T r - r_0),    J(L) = int_0^1 exp(t L) dt.
+
+    It vanishes for any motion of the two bodies together, and is exact where either side turns
+    about any axis at a constant rate. Of L only the ends of the step are known: |L| < pi. See
+    ``Turned`` for Q and R.
 
     Attributes:
         slip: u, shape (n, 3) [length].
@@ -429,12 +383,12 @@ class Screw(NamedTuple):
 
     def weights(self, along: Array) -> tuple[Array, Array, Array]:
         """Factors of dr and of spins of slave and master in along . du, (n, 3) [1, length]."""
-        by_r, by_spin = (_times(each.swapaxes(1, 2), along) for each in self[4:6])
+        by_r, by_spin = (times(each.swapaxes(1, 2), along) for each in self[4:6])
         return by_r, np.cross(self.slip, along) - by_spin, by_spin - np.cross(self.vector, by_r)
 
 
 def screw(r: Array, r_0: Array, slave: Turned, master: Turned) -> Screw:
-    """Slip between two surfaces (local).
+    """Slip between two surfaces in space, see ``Screw`` (local).
 
     Args:
         r: Vectors from the partners to the nodes, shape (n, 3) [length].
@@ -444,14 +398,27 @@ def screw(r: Array, r_0: Array, slave: Turned, master: Turned) -> Screw:
     """
     back, ahead = slave.Q.swapaxes(1, 2), master.Q.swapaxes(1, 2)
     L, angle = vectors_of(back @ master.Q)
-    v = _times(ahead, r) - r_0
+    v = times(ahead, r) - r_0
     C, by_L = inverse_jacobians(-L), _by_vector(L, v)
     by_relative = slave.Q @ by_L @ inverse_jacobians(L) @ back
-    return Screw(_times(slave.Q @ C, v), angle, slave, master, slave.Q @ C @ ahead, by_relative, r)
+    return Screw(times(slave.Q @ C, v), angle, slave, master, slave.Q @ C @ ahead, by_relative, r)
 
 
 class PastObstacle(NamedTuple):
-    """Slip past an obstacle in a step, see above; n nodes.
+    """Slip past an obstacle in a step in space; n nodes.
+
+    The rotation w of an obstacle is known whatever its size, and r leads from its pivot to the
+    node. With the velocity of the node past the pivot constant in the frame of the slave, and with
+    exp(f) = Q,
+
+        u = r - Q r_0 - (a + a_0) / 2 - b(f) f x (a - a_0),    a = l x r,    a_0 = Q (l x r_0),
+
+    with l = w - f and J(f)^-1 = 1 - F / 2 + b F^2, J as in ``Screw``. As in the plane, it is exact
+    for translations, for a wheel that turns in place, whichever side it is, and for its rolling,
+    wherever the pivot lies.
+
+    A body that turns along with an obstacle by more than half a turn has the same Q: there f is the
+    vector of Q that is next to w in l, see ``_beside``.
 
     Attributes:
         slip, slave: See ``Screw``.
@@ -477,12 +444,12 @@ class PastObstacle(NamedTuple):
     def weights(self, along: Array) -> tuple[Array, Array]:
         """Factors of dr and of the spin of the slave in along . du, (n, 3) [1, length]."""
         by_spin = self.by_start + self.by_relative @ self.by_spin
-        by_r, of_slave = (_times(a.swapaxes(1, 2), along) for a in (self.by_vector, by_spin))
+        by_r, of_slave = (times(a.swapaxes(1, 2), along) for a in (self.by_vector, by_spin))
         return by_r, of_slave
 
 
 def past_obstacle(r: Array, r_0: Array, slave: Turned, w: Array) -> PastObstacle:
-    """Slip past an obstacle (local).
+    """Slip past an obstacle in space, see ``PastObstacle`` (local).
 
     Args:
         r: Vectors from the pivot to the nodes, shape (n, 3) [length].
@@ -492,8 +459,8 @@ def past_obstacle(r: Array, r_0: Array, slave: Turned, w: Array) -> PastObstacle
     """
     own, angle = vectors_of(slave.Q)
     f, doubt = _beside(w, own, angle)
-    l, start = w - f, _times(slave.Q, r_0)
-    a, a_0 = np.cross(l, r), _times(slave.Q, np.cross(l, r_0))
+    l, start = w - f, times(slave.Q, r_0)
+    a, a_0 = np.cross(l, r), times(slave.Q, np.cross(l, r_0))
     b, slope = (each[:, None] for each in inverse_factors(own))
     across = np.cross(own, a - a_0)
     slip = r - start - 0.5 * (a + a_0) - b * across
@@ -556,9 +523,9 @@ def _by_vector(L: Array, v: Array) -> Array:
     return -0.5 * crosses(v) + b[:, None, None] * quadratic + change
 
 
-def _times(matrices: Array, vectors: Array) -> Array:
-    """Products of matrices (n, 3, 3) and vectors (n, 3), shape (n, 3)."""
-    return np.einsum("nab,nb->na", matrices, vectors)
+def times(matrices: Array, vectors: Array) -> Array:
+    """Products (..., a) of matrices (..., a, b) and vectors (..., b) [their units] (local)."""
+    return np.einsum("...ab,...b->...a", matrices, vectors)
 
 
 # Turn of a led body in a step [radian], 0.6 degrees, up to which no node is carried along before
@@ -593,6 +560,9 @@ class Carried(NamedTuple):
 class Place(NamedTuple):
     """Motion of the place of contact that slave nodes come into; arrays of n slave nodes.
 
+    It is not known without contact at both ends of the step, or if contact is all around; there
+    supports alone lead.
+
     Attributes:
         start, end: Mean positions of the contact at both ends of the step, (n, dim) [length].
         turn: Rotation of its normal, less than half a turn, shape (n, 1 or 3) [radian].
@@ -605,6 +575,28 @@ class Place(NamedTuple):
 
 class Led(NamedTuple):
     """Nodes of a slave whose slip is counted from where motions carry them, n slave nodes.
+
+    Supports lead bodies by a known motion: a turn w, and the straight path d of a pivot that ends
+    at p. A node that such a motion brings into contact was elsewhere at the start of the step, and
+    the point that it faced there may never meet it. Where two bodies turn, contact stays in place
+    while material passes through it, and slip is what passes on one side less what passes on the
+    other. So the step is divided. First both bodies move as rigid ones, at constant rates; slave
+    and master slip by
+
+        u = tau . V(x'),    V(x) = d_s + w_s x (x - p_s) - d_m - w_m x (x - p_m).
+
+    From there slip is counted as from an accepted state, see ``slip``: bodies deform, and turn and
+    move by what supports do not determine. Both parts take place together, at the mean
+    x' = (x + x_0) / 2 of the node's positions x, where it is, and x_0, to which the motion carries
+    it; the point of the master likewise. Bodies that roll on each other do not slip, for any angle.
+    If all nodes slide, the work of friction is that of the moments,
+    F . (w_s x (x - p_s)) - F . (w_m x (x - p_m)) with the forces F on the slave: two tyres of
+    radius R, pressed by 0.04 R on a fine mesh, to 0.3 %; with x in place of x' to 1.3 %. Motions
+    that lead are found before a solve, and are fixed within it, see ``way_of``; those that are part
+    of the solution are known after a solve, see ``way_past``.
+
+    Nodes that carry force at the start of the step keep their partners: their contact moves along.
+    Pairs with small sliding have no turns.
 
     Attributes:
         new: The nodes, shape (n,), bool.
@@ -633,11 +625,17 @@ class Led(NamedTuple):
 
 
 def way_of(slave: Carried, master: Carried) -> Array:
-    """``Led.way`` of slave nodes, by those and the points they face, (n, dim) [length] (local)."""
+    """``Led.way`` of slave nodes, by those and the points they face, (n, dim) [length] (local).
+
+    Rates are constant in a frame that turns with the place of contact, by the part g that is common
+    to the turns of both bodies and to that of the vector r between their pivots, from r_0 to r_1:
+    there d_s - d_m = r_1 - exp(g) r_0, and the turns are less by g. So the bodies and their pivots
+    may turn together by up to half a turn.
+    """
     r_0, r_1 = slave.start - master.start, slave.end - master.end
     size = norms(slave.x - slave.end) + norms(master.x - master.end)
     common = _common(slave.turn, master.turn, r_0, r_1, size)
-    drift = r_1 - _times(_rotations(common), r_0)
+    drift = r_1 - times(_rotations(common), r_0)
     of_slave, of_master = (
         moved_by(side.turn - common, 0.5 * side.x - side.end) for side in (slave, master)
     )
@@ -647,7 +645,19 @@ def way_of(slave: Carried, master: Carried) -> Array:
 def way_past(place: Place, slave: Carried, master: Carried) -> Array:
     """``Led.way`` by rates that are constant in the frame of the place of contact (local).
 
-    Nan where this place is not told.
+    Motions that are not prescribed are part of the solution: of rollers, driven hubs, bodies that
+    ride on others. They are known after a solve, a fixed point of rigid motions that are fixed
+    within each. The ends of a step are consistent with rates that are constant in any frame. The
+    natural one is that of the place of contact: it moves from X_0 to X, the mean positions of the
+    contact at both ends, weighted by its forces, and turns by g with its normal. Seen from there
+    each body turns by a = w - g, about a pole if the motion of its pivot is not known to be
+    straight, and slave and master pass by
+
+        V(x) = a x (x - p) + J(-a)^-1 (p - X - exp(g) (p_0 - X_0)).
+
+    It is exact for wheels that turn in place, roll on anything, orbit as in a bearing, or slip as
+    they do so, whichever of their points is p, and for whole scenes that turn. Nan where the place
+    is not known, see ``Place``.
 
     Args:
         place: The place of contact.
@@ -662,18 +672,18 @@ def way_past(place: Place, slave: Carried, master: Carried) -> Array:
 
 
 def _passing(place: Place, side: Carried) -> Array:
-    """Velocity of a side in the frame of a place, less half of that of a turn of x (local)."""
+    """Velocity of a side in the frame of a place, less half of that by a turn of x (local)."""
     turn = side.turn - place.turn
-    before = _times(_rotations(place.turn), side.start - place.start)
+    before = times(_rotations(place.turn), side.start - place.start)
     moved = side.end - place.end - before
     vectors = _in_space(-turn)
     bent = (side.straight[:, 0] == 0.0) & (norms(vectors) < np.pi)  # about a pole
     J = inverse_jacobians(np.where(bent[:, None], vectors, 0.0))[:, : moved.shape[1]]
-    moved = _times(J[:, :, : moved.shape[1]], moved)
+    moved = times(J[:, :, : moved.shape[1]], moved)
     return np.asarray(moved + moved_by(turn, 0.5 * side.x - side.end))
 
 
-class Touching(NamedTuple):
+class LoadedNodes(NamedTuple):
     """Contact at one end of a step; arrays of n slave nodes.
 
     Attributes:
@@ -689,7 +699,7 @@ class Touching(NamedTuple):
     pairs: Array
 
 
-def place_between(start: Touching, end: Touching) -> Place:
+def place_between(start: LoadedNodes, end: LoadedNodes) -> Place:
     """The place of contact of each node's two bodies at the end (local).
 
     Positions are nan if these do not touch at both ends, or touch all around.
@@ -705,7 +715,7 @@ def place_between(start: Touching, end: Touching) -> Place:
     return Place(ends[0], ends[1], turn)
 
 
-def _mean_of(touching: Touching, pair: float) -> tuple[Array, Array]:
+def _mean_of(touching: LoadedNodes, pair: float) -> tuple[Array, Array]:
     """Mean position and normal of a contact, (dim,) each, weighted by loads; zero without any."""
     loads = np.where(touching.pairs == pair, touching.loads, 0.0)
     share = loads / max(float(loads.sum()), TINY)
@@ -733,7 +743,7 @@ def carried_by(obstacle: RigidMotion, place: Array, points: Array) -> Carried:
 def _common(of_slave: Array, of_master: Array, r_0: Array, r_1: Array, size: Array) -> Array:
     """Turns g that both bodies and the vector between their pivots have in common (local).
 
-    None if these are not about one axis and in one sense. If the pivots coincide, beside the
+    Zero if these are not about one axis and in one sense. If the pivots coincide, beside the
     ``size`` (n,) [length] of their distances from the nodes, the turns of the bodies decide.
     """
     axes, across = _in_space(of_slave), [_in_space(r) for r in (r_0, r_1)]

@@ -17,11 +17,11 @@ rho_j = 0 of the contact law, see ``law``, with the slip of ``slip``. With adhes
 replaces z_n in the complementarity function, and the normal row of an inactive node under adhesion
 is z_n + a(g_j / w_j) = 0.
 
-c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node
-(about Young's modulus), l_j its length and c a number without unit: results do not depend on the
-system of units.
+c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node (about Young's
+modulus), l_j its length and c a number without unit: results do not depend on the system of units.
 
-Start and end of a step of all pairs: slip, time and memory.
+``begin_step``, ``instants_of`` and ``commit`` start and end a step of all pairs: slip, time and
+memory.
 """
 
 from __future__ import annotations
@@ -35,19 +35,9 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact import law_calls
-from fenics_mortar.contact.fields import MAX_SOFTENING, ContactFields, SpaceFields
+from fenics_mortar.contact import interface, law_calls
+from fenics_mortar.contact.fields import MAX_SOFTENING, ContactFields
 from fenics_mortar.contact.fluxes import Flux
-from fenics_mortar.contact.interface import (
-    NO_NODES,
-    NO_PAIRS,
-    NO_WELDS,
-    Interface,
-    OperatorEvaluation,
-    points_per_segment,
-    read_only,
-    settable,
-)
 from fenics_mortar.contact.law import Frictionless, Nodal
 from fenics_mortar.contact.rows import (
     ContactRows,
@@ -57,6 +47,7 @@ from fenics_mortar.contact.rows import (
     normals_on_planes,
 )
 from fenics_mortar.contact.slip import find_partners
+from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.interface.facing import face
 from fenics_mortar.interface.integrals import Segments, evaluate_normals
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
@@ -70,7 +61,7 @@ if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
 
 
-class Contact(Interface):
+class Contact(interface.Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: all attributes except the blocks in ``operators`` are equal on all ranks.
@@ -98,20 +89,20 @@ class Contact(Interface):
     now: ContactFields
     rows: ContactRows
 
-    offset = settable(
+    offset = interface.settable(
         "offset", lambda self, value: check_lengths("offset", value, self.slave.num_nodes)
     )
 
-    nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
-    attracted, arm = read_only("now.attracted"), read_only("evaluation.arm")
+    nodal, sliding = interface.read_only("now.nodal"), interface.read_only("now.sliding")
+    attracted, arm = interface.read_only("now.attracted"), interface.read_only("evaluation.arm")
 
     def __init__(
         self,
         pair: ContactPair,
         space: DisplacementSpace,
         prescribed: Flags,
-        welds: Indices = NO_WELDS,
-        tied: Indices = NO_NODES,
+        welds: Indices = interface.NO_WELDS,
+        tied: Indices = interface.NO_NODES,
     ) -> None:
         """Extract the surfaces (collective); see ``Interface``.
 
@@ -152,14 +143,17 @@ class Contact(Interface):
         self.turns: Callable[[], tuple[Array, ...]] = lambda: ()
         on_surface = self.obstacle is None
         radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
-        points = points_per_segment(pair, self.slave, self.master)
+        points = interface.points_per_segment(pair, self.slave, self.master)
         self.options = choice.options(self.basis, points, pair.search_radius or radius)
         given = self.slave, self.master, self.obstacle, self.slave.extent, planes, self.options
-        self.evaluation = OperatorEvaluation(*given, small=pair.sliding == "small")
-        self._parameters = law_calls.Parameters(space, self.slave)
+        self.evaluation = interface.OperatorEvaluation(*given, small=pair.sliding == "small")
+        slave = self.slave
+        self._parameters = law_calls.Parameters(
+            space.V.mesh, slave.name, slave.X, lambda f: slave.gather(space.nodal_values(f))[:, 0]
+        )
         self.law_calls = law_calls.LawCalls(pair)
         self.adopt_law()
-        none, X = np.zeros(self.slave.num_nodes), self.slave.X
+        none, X = np.zeros(slave.num_nodes), slave.X
         memory = dict.fromkeys(pair.law.memory, none) | self.state.accepted_instant.memory
         times = 0.0, 1.0, memory, self.parameters
         start = Nodal(none, none, none, none, none + 1.0, none, X, X, *times)
@@ -266,9 +260,9 @@ class Contact(Interface):
         self.evaluation.behind = other.evaluation.behind or self.evaluation.behind
 
     def begin(self) -> None:
-        """Reset the counts of multiplier changes and turns, and the forces of the last solve."""
+        """Reset the counts of changes, turns and openings, and the forces of the last solve."""
         self._multiplier_nodes.begin()
-        self.change(force_decided=None, heading=None)
+        self.change(force_decided=None, heading=None, opened=None)
 
     def move(self, z: Array, fraction: float, step: Array) -> None:
         """See ``Interface``; also marks nodes with tensile multiplier and compressive force.
@@ -353,7 +347,7 @@ class Contact(Interface):
         self._law = law  # not one whose parameters cannot be read
         if tuple(before.memory) == law_calls.names_of_memory(law, self.slave.dim):
             return before
-        first = law_calls.first_instant(law, self.slave, before.time)
+        first = law_calls.first_instant(law, self.slave.X, before.time, self.slave.comm)
         self.change(start_instant=first)
         return first
 
@@ -361,7 +355,7 @@ class Contact(Interface):
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         law = self.pair.law
         if type(law) is Frictionless or not (law.has_friction or law.needs_nodal_state):
-            return NO_PAIRS
+            return interface.NO_PAIRS
         return self.partners.pairs(self.operators)
 
     def update_multiplier_nodes(self) -> int:
@@ -410,7 +404,7 @@ def _covered_fraction(o: MortarOperators) -> Array:
     return np.where(alone, 0.0, o.cover / np.where(alone, 1.0, o.slave.full_cover))
 
 
-def begin_step(contacts: Sequence[Interface]) -> None:
+def begin_step(contacts: Sequence[interface.Interface]) -> None:
     """Adopt the present laws, and start a step at the accepted state (collective).
 
     Raises:
@@ -444,7 +438,7 @@ def _check_time(contact: Contact) -> None:
         )
 
 
-def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[law_calls.Instant]:
+def instants_of(comm: MPI.Comm, contacts: Sequence[interface.Interface]) -> list[law_calls.Instant]:
     """Time and memory of all pairs at the end of the present step (collective).
 
     Raises:
@@ -471,13 +465,13 @@ def _instant_of(contact: Contact) -> law_calls.Instant:
     return law_calls.Instant.of(contact.state.load_time, node.step, memory)
 
 
-def commit(contacts: Sequence[Interface], instants: Sequence[law_calls.Instant]) -> None:
+def commit(contacts: Sequence[interface.Interface], instants: Sequence[law_calls.Instant]) -> None:
     """Set the accepted time and memory, from which the next step starts (local)."""
     for contact, instant in zip(contacts, instants, strict=True):
         contact.change(accepted_instant=instant)
 
 
-def start_clock(contacts: Sequence[Interface], time: float) -> None:
+def start_clock(contacts: Sequence[interface.Interface], time: float) -> None:
     """Set the time of the accepted state (local)."""
     for contact in contacts:
         instant = replace(contact.accepted_instant, time=time)

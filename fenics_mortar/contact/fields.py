@@ -1,66 +1,312 @@
 # SPDX-License-Identifier: MIT
-"""Nodal fields of a contact: gap, slip, arguments and rows of its law.
+"""State of an interface, and nodal fields of contacts: gap, slip, arguments and rows of the law.
 
-Their directional derivatives are replicated.
+``InterfaceState`` has all quantities that a solve changes or passes to the next solve. A field is
+computed from it and the operators when first read, and cached. New operators invalidate all fields;
+a new state invalidates the fields that depend on a changed attribute. Each field lists the
+attributes of the state on which it depends.
 
-Nodal fields of a contact in space, and the rows of its law with two tangential components.
-
-A law relates a shear and a slip along one direction. In space this is the direction e of
-
-    w = z_t + c_t (k / l) s,    z_t = P z,   s = P s^,   P = I - n n^T,
-
-with the vector of slip s^ since the accepted state: z_tau = e . z and u = e . s^ are the arguments
-of the law, whose row rho = 0 determines the shear T = z_tau - rho along e. The other tangent,
-t = n x e, has the row t . z = 0: shear and slip have the same direction (radial return; Gitterle,
-Popp, Gee & Wall 2010). Both are components of the vector
-
-    R = rho e + (t . z) t.
-
-With b = |w| and de = t (t . dw) / b its derivatives are
-
-    e . dR = rho_u e . ds + rho_tau e . dz_t + [rho_u (t . s) + (rho_tau - 1) (t . z)] t . dw / b
-    t . dR = t . dz_t - (T / b) t . dw.
-
-The matrix in dz is positive definite for T < b; T / b is limited to ``MAX_RATIO`` in the tangent.
-Where a law is linear and isotropic, with stick or without friction, R = rho_u s + rho_tau z_t. On
-symmetry planes e is in the plane and the law is that of the plane. At w = 0, where e may be any
-tangent, the law resists equally in all directions.
+The directional derivatives of all fields are replicated. Those in space are in ``space_fields``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fenics_mortar.contact.interface_fields import (
-    InterfaceFields,
-    Parts,
-    field,
-    normal_parts,
-    tangential,
-)
 from fenics_mortar.contact.law import (
     BUILT_IN,
     STICK,
-    Friction,
     Frictionless,
     Nodal,
     Row,
-    Stick,
     VectorRow,
     chain_rule,
 )
-from fenics_mortar.contact.law_calls import in_components, summed_slip_of
-from fenics_mortar.interface.space_mortar import SpaceOperators
-from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, Array, Flags
+from fenics_mortar.contact.law_calls import Instant
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Value
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.law import Branches
     from fenics_mortar.interface.mortar import Block
+
+# Attributes that follow from the others at the end of a solve; they are not written to files.
+# Instants are written by ``io.checkpoint``.
+DERIVED = {"derived": True}
+# Time and memory before the first step, without a law.
+FIRST = Instant.of(0.0, 1.0, {})
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class InterfaceState(Value):
+    """State of one interface, a value: ``dataclasses.replace`` makes another one.
+
+    Arrays are read-only and equal on all ranks.
+
+    Attributes:
+        z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress]; on a tie
+            with fields, further columns with their fluxes.
+        conduction: Multipliers of the conductances of a contact, the flux of each at the carriers,
+            zero elsewhere, shape (slave nodes, conductances) [flux]; see ``fluxes``.
+        active: Active set, shape (slave nodes,), bool.
+        branch: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool:
+            false if it is prescribed or hardly covered.
+        redundant: Whether the stick of a node follows from other constraints, so that it sticks
+            elastically, shape (slave nodes,), bool; see ``linearized_contact``.
+        partners: Material points that slip is counted from, the ``Partners`` of the slave nodes at
+            the start of the step; ``None`` for a tie.
+        accepted_partners: Partners at the last accepted state, used in the next step.
+        c_n: Weight of the gap in the complementarity function [1]; reduced below the pair's value
+            after a cycle of the active set.
+        offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
+        reference: Operators of the undeformed mesh, with small sliding.
+        load_time: Time of the present loads, at the end of the step [time].
+        start_instant: ``Instant`` at the start of the step; the law reads its memory.
+        accepted_instant: ``Instant`` of the last accepted state, used in the next step.
+        force_decided: Nodes with tensile multiplier and compressive force, shape (slave nodes,),
+            bool, and the forces of all nodes, shape (slave nodes, 2) [stress length], for the next
+            active set; see ``Contact.move``.
+        heading: In space, the directions in which nodes slid in the last iteration, zero where they
+            did not, (slave nodes, 3) [1], and how often each has turned back in this solve, (slave
+            nodes,), int; see ``rows``.
+        opened: How often the shear of each node may have opened it in this solve, (slave nodes,),
+            int [1], under a law that ``grazes``; see ``rows``.
+    """
+
+    z: Array
+    active: Flags
+    branch: Branches
+    multiplier_nodes: Flags
+    redundant: Flags = dataclasses.field(metadata=DERIVED)
+    partners: Any = dataclasses.field(default=None, metadata=DERIVED)
+    accepted_partners: Any = dataclasses.field(default=None, metadata=DERIVED)
+    c_n: float = 1.0
+    offset: Any = 0.0
+    conduction: Any = 0.0
+    reference: Any = dataclasses.field(default=None, metadata=DERIVED)
+    load_time: float = dataclasses.field(default=0.0, metadata=DERIVED)
+    start_instant: Instant = dataclasses.field(default=FIRST, metadata=DERIVED)
+    accepted_instant: Instant = dataclasses.field(default=FIRST, metadata=DERIVED)
+    force_decided: tuple[Flags, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
+    heading: tuple[Array, Array] | None = dataclasses.field(default=None, metadata=DERIVED)
+    opened: Array | None = dataclasses.field(default=None, metadata=DERIVED)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of nodes, components and, of a contact, nodes and conductances (local)."""
+        return *self.z.shape, *np.shape(self.conduction)
+
+    def towards(self, other: InterfaceState, fraction: float) -> InterfaceState:
+        """Interpolate the multipliers to ``other`` by a ``fraction`` [1] (local)."""
+        z, q = self.z, self.conduction
+        return self.replaced(
+            z=z + fraction * (other.z - z), conduction=q + fraction * (other.conduction - q)
+        )
+
+
+# Names of the attributes that determine all others.
+INDEPENDENT = tuple(
+    attribute.name for attribute in dataclasses.fields(InterfaceState) if not attribute.metadata
+)
+
+
+class _Field:
+    """A field that is cached until one of the named attributes of the state changes."""
+
+    def __init__(self, function: Callable[[Any], Any], names: frozenset[str]) -> None:
+        self.func, self.names, self.__doc__ = function, names, function.__doc__
+
+    def __set_name__(self, _: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, fields: Any, _: type | None = None) -> Any:
+        if fields is None:
+            return self
+        value = vars(fields)[self._name] = self.func(fields)
+        return value
+
+
+def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
+    """A field that depends on the operators and on the named attributes of the state."""
+    return lambda function: _Field(function, frozenset(names))
+
+
+@cache
+def _dependent(kind: type[InterfaceFields]) -> dict[str, list[str]]:
+    """Cached fields of a class that depend on each attribute of the state."""
+    dependent: dict[str, list[str]] = {}
+    for name in dir(kind):
+        made = getattr(kind, name, None)
+        for attribute in made.names if isinstance(made, _Field) else ():
+            dependent.setdefault(attribute, []).append(name)
+    return dependent
+
+
+class Parts(NamedTuple):
+    """Normal and tangential part of the multipliers, shape (slave nodes,) each [stress]."""
+
+    z_n: Array
+    z_tau: Array
+
+
+def normal_parts(n: Array, vectors: Array) -> Array:
+    """Parts of ``vectors`` (..., n, dim) along the normals, (..., n) [their unit] (local)."""
+    return np.asarray(np.einsum("ja,...ja->...j", n, vectors))
+
+
+def tangential(vectors: Array, n: Array) -> Array:
+    """Parts of ``vectors`` (n, dim) across the normals [their unit] (local)."""
+    return vectors - normal_parts(n, vectors)[:, None] * n
+
+
+class InterfaceFields:
+    """Nodal fields that all interfaces have.
+
+    Args:
+        interface: The interface.
+        state: Its state.
+        operators: D, M, gap and normals at the last evaluated displacement.
+
+    Attributes:
+        closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
+        z_n, z_tau: See ``Parts``.
+        z_u: Multipliers of the displacement, shape (slave nodes, dim) [stress].
+        acting: Operators with derivatives of the facets whose multipliers act or are not zero; in
+            the plane, and of ties, those of all facets.
+        covered: Whether a slave node has a multiplier and a partner, shape (slave nodes,), bool.
+        acts: Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool.
+        sticking: Whether an active node sticks, shape (slave nodes,), bool.
+    """
+
+    closing_gap: Any = property(attrgetter("gap"))
+    z_n: Any = property(attrgetter("parts.z_n"))
+    z_tau: Any = property(attrgetter("parts.z_tau"))
+    z_u: Any = property(attrgetter("state.z"))
+    acting: Any = property(attrgetter("operators"))
+    covered: Any = property(attrgetter("state.active"))
+    acts: Any = property(attrgetter("state.active"))
+    sticking: Any = property(attrgetter("state.active"))
+
+    def __init__(self, interface: Any, state: InterfaceState, operators: Any) -> None:
+        self.interface, self.state = interface, state
+        self.operators: Any = operators
+        self.nodal_lengths: Array = interface.slave.nodal_lengths
+        self.nodal_areas: Array = interface.slave.nodal_areas
+
+    def after(self, state: InterfaceState) -> Self:
+        """The fields at another state and the same operators."""
+        kind: Any = type(self)
+        before, new, dependent = vars(self.state), object.__new__(kind), _dependent(kind)
+        fields = vars(new)
+        fields.update(vars(self), state=state)
+        for attribute, value in vars(state).items():
+            if value is not before[attribute]:
+                for name in dependent.get(attribute, ()):
+                    fields.pop(name, None)
+        return new
+
+    @property
+    def has_partner(self) -> Flags:
+        """Whether facets at a slave node are at least partly covered, (slave nodes,), bool."""
+        covered, (alone, others) = self.operators.cover > 0.0, self.interface.substitutes
+        covered[alone] = covered[others]
+        return covered
+
+    @property
+    def offset(self) -> Array:
+        """Length subtracted from the pointwise gap, the law's included, (slave nodes,) [length]."""
+        return np.asarray(self.state.offset)
+
+    @property
+    def active_nodes(self) -> Indices:
+        """Numbers of the active slave nodes along the surface, shape (active nodes,)."""
+        return np.flatnonzero(self.state.active)
+
+    @field("z")
+    def parts(self) -> Parts:
+        """Normal and tangential part of the multipliers; in space the latter is its size."""
+        o, z = self.operators, self.z_u
+        along = np.einsum("ja,ja->j", o.tau, z) if o.slave.dim == 2 else self.shear_size
+        return Parts(np.einsum("ja,ja->j", o.n, z), along)
+
+    @field("z")
+    def forces(self) -> tuple[Array, Array]:
+        """D^T z and -M^T z, see ``MortarOperators.force``; collective at the first access."""
+        return self.operators.force(self.z_u)
+
+    @property
+    def slip(self) -> Array:
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
+        return np.zeros(len(self.state.z))
+
+    @property
+    def steepness(self) -> float:
+        """Largest d(nodal force)/d(slip), where it may exceed the bulk's stiffness [stress]."""
+        return 0.0
+
+    @property
+    def friction_work(self) -> float:
+        """Work of the shear at the end of the step along the slip in it [stress length^2]."""
+        return float(self.shear_force @ self.slip)
+
+    @property
+    def pressure(self) -> Array:
+        """Normal part z_n of the multiplier of every slave node, shape (slave nodes,) [stress]."""
+        return self.fill_inside(self.z_n.copy())
+
+    @property
+    def shear_force(self) -> Array:
+        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length].
+
+        In space along the direction of ``z_tau``.
+        """
+        return self.operators.weight * self.z_tau
+
+    @property
+    def shear(self) -> Array:
+        """The multipliers without the pressure, shape (slave nodes, dim) [stress]."""
+        return tangential(self.z_u, self.operators.n)
+
+    @property
+    def shear_size(self) -> Array:
+        """Size of the shear, shape (slave nodes,) [stress]."""
+        return np.asarray(np.linalg.norm(self.shear, axis=1))
+
+    @property
+    def surface_shear(self) -> Array:
+        """Shear along tau, (slave nodes,) [stress]; in space vectors, (slave nodes, 3)."""
+        return self.shear if self.operators.slave.dim == 3 else self.z_tau
+
+    @property
+    def surface_slip(self) -> Array:
+        """Slip since the last accepted step, as ``surface_shear`` [length]."""
+        return np.zeros_like(self.surface_shear)
+
+    @property
+    def total_force(self) -> Array:
+        """Total force that acts on the slave body, shape (dim,) [stress length]."""
+        return -self.operators.weight @ self.z_u
+
+    def fill_inside(self, values: Array) -> Array:
+        """Set values at inner nodes of facets to the mean of the end nodes.
+
+        Only if multipliers are at vertices only. Nodes without weight get the values of their
+        substitutes. ``values`` (slave nodes,) [any unit] are changed in place and returned.
+        """
+        alone, others = self.interface.substitutes
+        if alone.size:
+            values[alone] = values[others]
+        if self.interface.at_vertices:
+            values[:] = self.interface.slave.from_corners @ values
+        return values
+
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
 LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "start_instant")
@@ -343,265 +589,3 @@ class ContactFields(InterfaceFields):
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
         return float(force[self.state.active].max(initial=0.0))
-
-
-# Largest ratio of shear and |w| in the tangent [1], which is singular at 1: the node is about to
-# stick. Derivatives of a solution have the ratio itself. With 1 - 1e-4 systems of bodies that
-# friction alone holds are singular.
-MAX_RATIO = 0.999
-# Slip of rounding over the extent of the surface [1], with a shear that corresponds to it: w has no
-# direction.
-AT_REST = ASSEMBLY_ROUNDING
-
-
-class Directions(NamedTuple):
-    """Tangents e and t of the slave nodes, shapes (slave nodes, 3) [1].
-
-    Attributes:
-        along: Direction e.
-        across: Direction t = n x e.
-        size: |w| where e is the direction of w; zero where it is fixed, shape (slave nodes,)
-            [stress].
-    """
-
-    along: Array
-    across: Array
-    size: Array
-
-
-class SpaceFields(ContactFields):
-    """Fields of a contact in space; slip and z_tau are the components along e, see above."""
-
-    counted_slip: Any = property(attrgetter("slip_vector"))
-    surface_slip: Any = property(attrgetter("tangential_slip"))
-
-    @field("partners")
-    def slip_vector(self) -> Array:
-        """Vector s^ of slip since the accepted state, shape (slave nodes, 3) [length].
-
-        Zero before there is an accepted state.
-        """
-        partners = self.state.partners
-        return np.zeros_like(self.z_u) if partners is None else partners.slip(self.operators)
-
-    @property
-    def acting(self) -> Any:
-        """Operators with derivatives of the facets whose multipliers act or are not zero."""
-        return self.operators.near(self.acts | self.state.z.any(axis=1))
-
-    @property
-    def _has_slip(self) -> bool:
-        return type(self.interface.pair.law) is not Frictionless
-
-    @field(*LAW_ATTRIBUTES)
-    def tangential_slip(self) -> Array:
-        """Tangential part s of the slip, shape (slave nodes, 3) [length]; zero without friction."""
-        n, zero = self.operators.n, np.zeros_like(self.operators.n)
-        return tangential(self.slip_vector, n) if self._has_slip else zero
-
-    @field(*LAW_ATTRIBUTES)
-    def carried(self) -> Array:
-        """Summed slip until the start of the step, turned with the slave, (n, 3) [length]."""
-        law, partners = self.interface.pair.law, self.state.partners
-        if not law.summed_slip or partners is None:
-            return np.zeros_like(self.z_u)
-        before = summed_slip_of(law, self.state.start_instant.memory)
-        return np.einsum("jab,jb->ja", partners.rotation_of_slave(self.operators), before)
-
-    @field(*LAW_ATTRIBUTES)
-    def total_slip(self) -> Array:
-        """Tangential part of the slip on which the law depends, (slave nodes, 3) [length]."""
-        if not self.interface.pair.law.summed_slip:
-            return self.tangential_slip
-        return self.tangential_slip + tangential(self.carried, self.operators.n)
-
-    @property
-    def memory_of_law(self) -> Mapping[str, Array]:
-        """Memory at the start of the step as the law has it, in space along e [its units]."""
-        law, memory = self.interface.pair.law, self.state.start_instant.memory
-        if not law.summed_slip:
-            return memory
-        along = normal_parts(self.directions.along, self.carried)
-        return {name: memory.get(name, along) for name in law.memory}
-
-    def remembered(self, memory: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Memory of the law at the end of the step, as it is stored [its units]."""
-        law = self.interface.pair.law
-        return in_components(law, memory, self.total_slip) if law.summed_slip else memory
-
-    def slip_derivative(self, along: Array, *, summed: bool = True) -> Iterator[Block]:
-        """Blocks of ``along`` times the derivative of the slip of the law, of this rank.
-
-        ``summed``: with the summed slip of former steps, which turns with the slave.
-        """
-        o, partners = self.operators, self.state.partners
-        yield from partners.derivative(o, along)
-        if summed and self.interface.pair.law.summed_slip:
-            yield from partners.carried_derivative(o, self.carried, along)
-
-    @property
-    def rubbing(self) -> VectorRow:
-        """Power z_t . s of the shear along the slip of the step, with its derivatives."""
-        n, z, s = self.operators.n, self.z_u, self.slip_vector
-        z_n, s_n = normal_parts(n, z)[:, None], normal_parts(n, s)[:, None]
-        z_t, s_t = z - z_n * n, s - s_n * n
-        power, none = np.einsum("ja,ja->j", z_t, s_t), np.zeros(len(z))
-        return VectorRow(power, s_t, z_t, none, -s_n * z - z_n * s)
-
-    @field(*LAW_ATTRIBUTES)
-    def directions(self) -> Directions:
-        """Direction of w; fixed tangents without friction, and where w is zero."""
-        n, guided = self.operators.n, self.interface.is_guided
-        along, none = self.fixed_tangents, np.zeros(len(n))
-        if not self._has_slip:
-            return Directions(along, np.cross(n, along), none)
-        w = tangential(self.z_u, n) + self.slip_weight[:, None] * self.total_slip
-        size = np.linalg.norm(w, axis=1)
-        free = (size > AT_REST * self.slip_weight * self.interface.slave.extent) & ~guided
-        size = np.where(free, size, 1.0)
-        along = np.where(free[:, None], w / size[:, None], along)
-        return Directions(along, np.cross(n, along), np.where(free, size, 0.0))
-
-    @cached_property
-    def fixed_tangents(self) -> Array:
-        """Tangents by the axis least aligned with n, or in the symmetry plane, (nodes, 3) [1]."""
-        n, guided = self.operators.n, self.interface.is_guided
-        tangents = tangential(np.eye(3)[np.abs(n).argmin(axis=1)], n)
-        tangents[guided] = np.cross(n[guided], self.interface.guides[guided])
-        return tangents / np.linalg.norm(tangents, axis=1)[:, None]
-
-    @property
-    def slip_weight(self) -> Array:
-        """Weight c_t k / l of the slip in w, shape (slave nodes,) [stress / length]."""
-        return getattr(self.interface.pair.law, "c_t", Friction.c_t) * self.interface.foundation
-
-    @field(*LAW_ATTRIBUTES)
-    def parts(self) -> Parts:
-        """Normal part of the multipliers, and their part along e."""
-        z_n = normal_parts(self.operators.n, self.z_u)
-        return Parts(z_n, normal_parts(self.directions.along, self.z_u))
-
-    @property
-    def steepness(self) -> float:
-        """See ``ContactFields``; collective. The mean square of d(nodal force)/d(slip), too.
-
-        Each is multiplied by the rounding of the slip over that of a position: functions on a small
-        part of a facet with nine nodes may be 1e4 times their mean.
-        """
-        o, steepest = self.operators, super().steepness
-        if not (isinstance(o, SpaceOperators) and self._has_slip):
-            return steepest
-        forces = o.rounding_of_vectors() * self.interface.foundation * self.state.active
-        return max(steepest, float(np.sqrt((forces**2).mean())))
-
-    @field(*LAW_ATTRIBUTES)
-    def slip(self) -> Array:
-        """Component along e of the slip since the last accepted step, (slave nodes,) [length]."""
-        return np.einsum("ja,ja->j", self.directions.along, self.tangential_slip)
-
-    @property
-    def shear_of_stick(self) -> Array:
-        """Component along e of the shear of redundant sticks since the accepted state [stress]."""
-        return normal_parts(self.directions.along, self.z_u - self.state.partners.shear)
-
-    @property
-    def tangents(self) -> tuple[Array, Array]:
-        """Tangents that laws do not turn, one or two in space, (slave nodes, dim) each [1]."""
-        return self.fixed_tangents, np.cross(self.operators.n, self.fixed_tangents)
-
-    def along_tangents(self, vectors: Array) -> Array:
-        """Components of vectors (..., slave nodes, dim) along ``tangents`` [their unit]."""
-        return np.stack([normal_parts(tangent, vectors) for tangent in self.tangents], axis=-1)
-
-    @field(*RULED)
-    def vector_rows(self) -> tuple[VectorRow, ...]:
-        """``law_rows`` with derivatives by vectors; in space along two tangents, then along n."""
-        tangential, *others = self.law_rows
-        return *self._tangential_rows(tangential), *(self.by_vectors(row) for row in others)
-
-    @field(*RULED)
-    def row_tangents(self) -> tuple[Array, Array]:
-        """Directions e and t of the tangential rows, (slave nodes, 3) each [1]: see the module."""
-        fixed = (self.is_isotropic & ~self.interface.is_guided)[:, None]
-        along = np.where(fixed, self.fixed_tangents, self.directions.along)
-        return along, np.cross(self.operators.n, along)
-
-    def _tangential_rows(self, row: Row) -> tuple[VectorRow, VectorRow]:
-        """Rows along e and t, given that of the law; see the module."""
-        (e, t), none = self.row_tangents, np.zeros(len(self.z_n))
-        rho, by_gap, by_u, by_n, by_tau, _ = np.broadcast_arrays(*row, none)
-        size, weight = self.directions.size, self.slip_weight
-        as_law = self.is_isotropic & ~self.interface.is_guided
-        per_size = np.where((size > 0.0) & ~as_law, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
-        redundant, z = self.state.redundant, self.z_u
-        if redundant.any():
-            z = np.where(redundant[:, None], z - self.state.partners.shear, z)
-        (e_z, t_z), (e_s, t_s) = (
-            [np.einsum("ja,ja->j", a, v) for a in (e, t)] for v in (z, self.total_slip)
-        )
-        turn = (by_u * t_s + (by_tau - 1.0) * t_z) * per_size
-        along = self._row(
-            np.where(as_law, by_tau * e_z + by_u * e_s, rho), by_gap, by_n,
-            ((by_tau, e), (turn, t)), ((by_u, e), (turn * weight, t)),
-        )  # fmt: skip
-        ratio = (e_z - rho) * per_size
-        if not self.operators.linearization.exact:
-            ratio = np.clip(ratio, 0.0, MAX_RATIO)
-        isotropic = (as_law | (size == 0.0)) & ~self.interface.is_guided
-        of_z = np.where(isotropic, by_tau, 1.0 - ratio)
-        of_s = np.where(isotropic, by_u, -ratio * weight)
-        residual = np.where(isotropic, by_tau * t_z + by_u * t_s, t_z)
-        return along, self._row(residual, none, none, ((of_z, t),), ((of_s, t),))
-
-    @property
-    def slip_by_gap(self) -> Array:
-        """Derivative of the slip with respect to the mean gap [1]: zero."""
-        return np.zeros(len(self.z_u))
-
-    @property
-    def is_isotropic(self) -> Flags:
-        """Nodes whose law is linear in shear and slip: both rows are the law's, (slave nodes,)."""
-        law, interface = self.interface.pair.law, self.interface
-        sticks = isinstance(law, (Friction, Stick)) & (self.state.branch == STICK)
-        elastic = self.state.redundant  # see ``linearized_contact``
-        return sticks | elastic | ~interface.follows_law | (type(law) is Frictionless)
-
-    def by_vectors(self, row: Row) -> VectorRow:
-        """A row that is one number, as that of open nodes, a closing gap or a power of friction.
-
-        Slip and shear along e are those of the law: d(e . a) = e . da + (t . a) t . dw / b.
-        """
-        residual, by_gap, by_u, by_n, by_tau, _ = np.broadcast_arrays(*row, self.z_n)
-        e, t, size = self.directions
-        of_turn = by_u * normal_parts(t, self.total_slip) + by_tau * normal_parts(t, self.z_u)
-        turn = np.where(size > 0.0, of_turn / np.where(size > 0.0, size, 1.0), 0.0)
-        return self._row(
-            residual, by_gap, by_n, ((by_tau, e), (turn, t)),
-            ((by_u, e), (turn * self.slip_weight, t)),
-        )  # fmt: skip
-
-    def _row(
-        self,
-        residual: Array,
-        by_gap: Array,
-        by_z_n: Array,
-        by_shear: tuple[tuple[Array, Array], ...],
-        by_slip: tuple[tuple[Array, Array], ...],
-    ) -> VectorRow:
-        """A row by its derivatives: of a . z_t and a . s for tangents a, and by z_n.
-
-        d(a . z_t) = a . dz - z_n a . dn, d(a . s) = a . ds^ - (n . s^) a . dn.
-        """
-        n, z = self.operators.n, self.z_u
-        by_z, by_normal = by_z_n[:, None] * n, by_z_n[:, None] * z
-        of_slip = np.zeros_like(n)
-        for factor, a in by_shear:
-            by_z = by_z + factor[:, None] * a
-            by_normal = by_normal - (factor * self.z_n)[:, None] * a
-        for factor, a in by_slip:
-            if not factor.any():
-                continue
-            of_slip = of_slip + factor[:, None] * a
-            normal_slip = np.einsum("ja,ja->j", n, self.slip_vector + self.carried)
-            by_normal = by_normal - (factor * normal_slip)[:, None] * a
-        return VectorRow(residual, by_z, of_slip, by_gap, by_normal)

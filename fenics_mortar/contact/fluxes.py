@@ -33,8 +33,8 @@ Nodes that do not conduct have no part in either, and loads are the transpose of
 and rows are those of q_c = h_c [T]_c, h_c = sum_j A_jc w_j h_j / sum_j A_jc w_j. At the nodes it is
 q_j = sum_c B_jc q_c with B_jc = A_jc h_j / h_c. If h is infinite at a node of a carrier, its nodes
 of finite h do not count: this is the limit. Fluxes q_j alternate about a sudden change, as linear
-functions do whose integrals with hat functions are given. Shown are therefore, in place of q_c, the
-heat of a carrier over its area, sum_j A_jc w_j q_j / sum_j A_jc w_j, as without A: totals stay.
+functions do whose integrals with hat functions are given. Results therefore show, in place of q_c,
+the heat of a carrier over its area, sum_j A_jc w_j q_j / sum_j A_jc w_j, as without A: totals stay.
 
 Where conduction is perfect, and the slave's field is prescribed at a node, its equation is left to
 the carriers beside it, as in ``tied_rows``.
@@ -62,14 +62,335 @@ from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import change_along, row_by_displacements, row_by_motions
 from fenics_mortar.interface.mortar import Block, as_block, compressed
 from fenics_mortar.interface.traces import FieldTraces
-from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags
-from fenics_mortar.utils.ranks import largest_over_ranks
+from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags, summed
+from fenics_mortar.utils.ranks import from_all_ranks, largest_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.conductance import Conductance, ConductanceValue
     from fenics_mortar.contact.fields import ContactFields
-    from fenics_mortar.contact.law_calls import Conductance, ConductanceValue
     from fenics_mortar.interface.mortar import NumberedColumns
     from fenics_mortar.mesh.space import DisplacementSpace
+
+
+# e_max over the conduction of the cells beside a node [1]. Jumps decrease by this factor in an
+# iteration, to which rounding in the factors of the linear system adds 1e-10 of them.
+STIFFEST = 1e6
+# The same in solves with the tangent that are repeated for derivatives [1]: rounding in the factors
+# adds 1e-13 of jumps, in place of 1e-10; ``equations.linearized`` has the number of solves. Finite
+# conductances above it, too, are solved for exactly, see ``Flux.remainder``.
+SOFT = 1e3
+
+
+@dataclass(frozen=True)
+class NodalFlux:
+    """Flux at the slave nodes of a pair, read-only values; each array has shape (slave nodes,).
+
+    Attributes:
+        jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
+        conductance: h, zero at nodes without partner [flux / field].
+        conduction: Flux by conduction from slave to master [flux].
+        heating: Source by friction, power per area [flux].
+        into_slave: Total that enters the slave [flux length].
+        into_master: Total that enters the master or obstacle [flux length].
+    """
+
+    jump: Array
+    conductance: Array
+    conduction: Array
+    heating: Array
+    into_slave: float
+    into_master: float
+
+
+class Flux(FieldTraces):
+    """A ``Conductance`` bound to a contact.
+
+    Args:
+        law: The conductance.
+        column: Number of its column of ``conduction`` in the state.
+        space: The displacement's nodes, and the mixed space.
+        contact: The contact; its surfaces are those of the traces.
+        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+
+    Attributes:
+        law, column: See the arguments.
+        is_separate: Whether the field is solved for in another problem.
+        traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
+        T: The field at the dofs of the traces, shape (d,), replicated.
+        spreads: Matrices A without and with perfect conduction, shape (slave nodes, slave nodes).
+        cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
+            field]; inf for a separate field.
+        stiffest: e_max over the conduction of the cells [1].
+        to_force: Factor that turns loads into forces of Newton's residual [stress / flux].
+
+    Raises:
+        ValueError: On all ranks, if the space has no such field, or an obstacle no temperature, or
+            a separate field is conducted perfectly.
+    """
+
+    def __init__(
+        self,
+        law: Conductance,
+        column: int,
+        space: DisplacementSpace,
+        contact: Any,
+        prescribed: Flags,
+    ) -> None:
+        self.law, self.column, self._contact = law, column, contact
+        rigid = contact.obstacle is not None
+        if rigid == (law.temperature is None):
+            cure = "give temperature=" if rigid else "omit temperature="
+            raise ValueError(
+                f"{law!r} of {contact.pair!r}: the master is {'an' if rigid else 'no'} obstacle; "
+                f"{cure}"
+            )
+        sides = (contact.slave,) if rigid else (contact.slave, contact.master)
+        super().__init__(space, law.field, sides)
+        self.is_separate = isinstance(law.field, fem.Function)
+        if self.is_separate and law.is_perfect:
+            raise ValueError(
+                f"{law!r}: perfect conduction of a field with a problem of its own is not "
+                "possible, since its flux is an unknown of one system; expected a finite "
+                "conductance, or the number of a sub-space of a mixed function"
+            )
+        if isinstance(law.field, fem.Function):  # its conditions are not known
+            prescribed = np.zeros(law.field.x.array.size, bool)
+        self.T, self.to_force = np.zeros(self.dofs.size), 1.0
+        free = self.interpolations[0] @ self.gathered(prescribed) < 1.0
+        self.spreads = self.traces[0].spreads(free, at_vertices=contact.at_vertices)
+        self.cells = np.full(contact.slave.num_nodes, np.inf)
+        self.stiffest = STIFFEST
+        self._kept: tuple[Any, Any, FluxValues] | None = None
+
+    def evaluate(self, u: Array) -> None:
+        """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
+
+        Collective.
+        """
+        field: Any = self.law.field
+        self.T = self.gathered(field.x.array if self.is_separate else u)
+
+    def set_conduction(self, to_force: Array, own: Array) -> None:
+        """Set the conduction of the cells (collective).
+
+        Args:
+            to_force: Factors that turn loads into forces, shape (owned dofs,).
+            own: Load of a dof by a unit of its own field, shape (owned dofs,).
+        """
+        comm, areas = self._contact.slave.comm, self._contact.slave.nodal_areas
+        self.to_force = float(largest_over_ranks(comm, to_force[self._mine].max(initial=0.0)))
+        at_nodes = self.interpolations[0] @ self.gathered(own)
+        self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
+
+    @property
+    def rounding(self) -> float:
+        """Rounding of the largest source of a node by friction [flux length] (collective).
+
+        Where nodes stick, all of it: slips are differences of positions.
+        """
+        if self.law.heating != "friction" or not self._contact.pair.law.has_friction:
+            return 0.0
+        now = self.now
+        largest = np.abs(now.weight * now.source.by_slip).max(initial=0.0)
+        return EPSILON * float(largest * np.abs(now.o.x).max(initial=0.0))
+
+    # Values
+
+    @property
+    def now(self) -> FluxValues:
+        """Values and derivatives at the present fields of the contact; collective.
+
+        Kept until fields, values, law or what its functions return change.
+        """
+        law = self.law
+        given = self._contact.now, self.T, self.cells, law.h, law.heating
+        numbers = self.stiffest, law.scale, law.share, law.on_obstacle
+        if self._kept is not None:
+            of, by, now = self._kept
+            same = numbers == by and all(a is b for a, b in zip(given, of, strict=True))
+            if same and now.is_current:
+                return now
+        now = FluxValues(self, self._contact.now)
+        self._kept = given, numbers, now
+        return now
+
+    @contextmanager
+    def softened(self) -> Iterator[None]:
+        """Context in which e_max is that of repeated solves, see ``SOFT`` (local)."""
+        self.stiffest, before = min(SOFT, self.stiffest), self.stiffest
+        try:
+            yield
+        finally:
+            self.stiffest = before
+
+    def _put(self, q: Array) -> None:
+        """Set the conduction of the carriers in the state, shape (slave nodes,) [flux] (local)."""
+        conduction = self._contact.state.conduction.copy()
+        conduction[:, self.column] = q
+        self._contact.change(conduction=conduction)
+
+    def settle(self) -> None:
+        """Set q to h [T] where h is not too large for it (collective)."""
+        now = self.now
+        self._put(np.where(now.is_exact, now.next_q, now.q))
+
+    def move(self, z: Array, fraction: float, step: Array, motion: Array) -> None:
+        """Apply a fraction of the increment of q, before that of other unknowns (collective).
+
+        Args:
+            z: Multipliers of the linear system, shape (slave nodes, dim) [stress].
+            fraction: Fraction of the increment [1].
+            step: Full increment of the unknowns of the bodies, shape (owned dofs,).
+            motion: Full increment of the obstacle's motions, shape (m,), or (0,) [length].
+        """
+        now = self.now
+        q = now.next_q + self._change(step, z - self._contact.z, motion)
+        self._put(now.q + fraction * (q - now.q))
+
+    def _change(self, u: Array, z: Array, motion: Array) -> Array:
+        """Change of q' by those of all unknowns, see ``move``; (slave nodes,) (collective)."""
+        now, sides = self.now, [s.gather(u) for s in (self._contact.slave, self._contact.master)]
+        jump, h, weight = (
+            change_along(now.f, blocks, *sides) for blocks in now.by_displacements[:3]
+        )
+        row, _ = now.rows
+        h += np.einsum("jc,jc->j", row.by_z, z)
+        if motion.size:
+            h += row_by_motions(now.f, row) @ motion
+        jump += now.jumps @ self.gathered(u)
+        return np.asarray(now.q_by_quantities @ np.concatenate([jump, h, weight]))
+
+    @property
+    def coupled(self) -> csr_array:
+        """Slave nodes whose conductions depend on each other: entries of A A^T (local)."""
+        return sum(abs(spread) @ abs(spread).T for spread in self.spreads)
+
+    def nodal(self) -> NodalFlux:
+        """The flux at the present state (collective); filled inside of facets as the pressure."""
+        if self.is_separate:  # it may have changed since
+            self.evaluate(np.empty(0))
+        now = self.now
+        slave, master = (float(now.o.weight @ of_side) for of_side in now.of_sides(now.q))
+        perfect = np.isinf(now.conductance)
+        h = np.where(perfect, 0.0, now.conductance)
+        jump = np.divide(now.means(h * now.jump), h, out=now.jump, where=h > 0.0)
+        jump, h, perfect, conduction, heating = (
+            now.f.fill_inside(values.astype(float))
+            for values in (jump, h, perfect, now.means(now.conduction), now.source.residual)
+        )
+        h[perfect > 0.0] = np.inf
+        return NodalFlux(jump, h, conduction, heating, -slave, master)
+
+    def loads(self) -> list[Array]:
+        """Loads of the dofs by each side, (d,) [flux length], replicated (collective)."""
+        now = self.now
+        return now.loads(now.q)
+
+    def add_loads(self, target: Array) -> None:
+        """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
+        self.add(np.sum(self.loads(), axis=0), target)
+
+    def add_newton_loads(self, target: Array) -> None:
+        """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
+
+        Args:
+            target: Right-hand side of a Newton step, shape (owned dofs,); changed in place.
+        """
+        now, z = self.now, self._contact.z
+        h, source = (np.einsum("jc,jc->j", row.by_z, z) for row in now.rows)
+        linear = now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source])
+        self.add(linear - np.sum(now.loads(now.next_q), axis=0), target)
+
+    # Derivatives
+
+    @property
+    def conducts(self) -> Flags:
+        """Slave nodes with a partner, which may conduct, shape (slave nodes,), bool."""
+        return np.asarray(self._contact.now.covered)
+
+    def derivative(self) -> list[Block]:
+        """Blocks of the loads' derivatives by all unknowns of the bodies (collective)."""
+        now = self.now
+        blocks = [now.derivative(now.by_unknowns)]
+        if now.o.linearization.frozen:
+            return blocks
+        # d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes
+        of_matrices = now.o.slave_force_derivative, now.o.master_force_derivative
+        sides = zip(self.traces, of_matrices, now.of_sides(now.q), strict=False)
+        for trace, differentiate, flux in sides:
+            nodes = np.arange(trace.surface.num_nodes)[:, None]
+            blocks.append(trace.rows(differentiate(flux[:, None], nodes)))
+        return blocks
+
+    # Solves with the tangent, which has e_max in place of larger conductances
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether a conductance exceeds e_max (collective)."""
+        return not self.now.is_exact.all()
+
+    def remainder(self, u: Array, z: Array, motion: Array, d: Array) -> Array:
+        """Right-hand side of the next change of a solution of the tangent (collective).
+
+        With loads E^T q, and dq' = Q x of the tangent, the equations K x + E^T dq = b and
+        dq = Q x + (1 - e / h) dq are solved with dq of the solve before on the right: changes are
+
+            (K + E^T Q) x_k = -E^T (1 - e / h) d_(k-1),      d_k = Q x_k + (1 - e / h) d_(k-1).
+
+        Args:
+            u: The last change x_k, shape (owned dofs,).
+            z: Its multipliers, shape (slave nodes, dim) [stress].
+            motion: Its motions of the obstacle, shape (m,), or (0,) [length].
+            d: That of dq in the solve before, d_(k-1), at first zero, shape (slave nodes,) [flux];
+                changed in place to d_k.
+
+        Returns:
+            Shape (owned dofs,) [load].
+        """
+        now, loads = self.now, np.zeros_like(u)
+        d[:] = self._change(u, z, motion) + now.kept * d
+        self.add(now.by_conduction(-now.kept * d), loads)
+        return loads
+
+    def transposed_remainder(self, u: Array, d: Array) -> tuple[Array, Array, Array]:
+        """As ``remainder``, with changes of the transposed equations, zero at prescribed dofs.
+
+        E and Q change places: d, of the multiplier of q' [field], is that of E u.
+
+        Returns:
+            Parts of unknowns, multipliers and motions [their units], shaped as ``remainder``.
+        """
+        contact, now = self._contact, self.now
+        d[:] = now.of_carriers(now.jumps @ self.gathered(u)) + now.kept * d
+        q = -now.kept * d
+        by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
+        numbers, change = now.stacked(now.by_unknowns)
+        values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])
+        (first, end), (row, _), motion = self.owned, now.rows, np.zeros(0)
+        dofs, values = from_all_ranks(contact.slave.comm, (numbers, values))
+        mine = (dofs >= first) & (dofs < end)
+        on_bodies = summed(values[mine], dofs[mine] - first, u.size)
+        if contact.obstacle is not None:
+            motion = by_h @ row_by_motions(now.f, row)
+        return on_bodies, by_h[:, None] * row.by_z, motion
+
+    def by_multipliers(self) -> Block:
+        """Derivatives of the loads by multipliers; columns index z.ravel() (collective)."""
+        own, dim = self._contact.slave.owned, self._contact.slave.dim
+        columns = dim * own[:, None] + np.arange(dim)
+        now = self.now
+        h, source = ([Block(own[:, None], columns, row.by_z[own][:, None])] for row in now.rows)
+        return now.derivative([[], h, [], source])
+
+    def add_by_motions(self, columns: Array) -> None:
+        """Add the loads' derivatives by the motions of the obstacle (collective).
+
+        Args:
+            columns: Shape (m, owned dofs) or longer [load / length]; changed in place.
+        """
+        now = self.now
+        h, source = (row_by_motions(now.f, row) for row in now.rows)
+        self.add(now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source]), columns.T)
 
 
 # Signs of slave and master in jumps and loads.
@@ -92,13 +413,13 @@ class FluxValues:
         conductance: h at the nodes, shape (slave nodes,) [flux / field].
         q: Conduction of the carriers, shape (slave nodes,) [flux].
         next_q: That of a Newton step without increments, shape (slave nodes,) [flux].
-        kept: Part of q that this keeps, 1 - e / h, shape (slave nodes,) [1].
-        is_exact: Whether it does not depend on q, shape (slave nodes,), bool.
+        kept: Part of q that ``next_q`` keeps, 1 - e / h, shape (slave nodes,) [1].
+        is_exact: Whether ``next_q`` does not depend on q, shape (slave nodes,), bool.
         row: min(h, conduction of the cells) times the row of q, shape (slave nodes,) [flux].
         conduction: Flux by conduction at the nodes, shape (slave nodes,) [flux].
     """
 
-    def __init__(self, flux: Flux, f: ContactFields) -> None:
+    def __init__(self, flux: Any, f: ContactFields) -> None:
         law, cells = flux.law, flux.cells
         self._flux, self._law, self._spread = flux, law, flux.spreads[law.is_perfect]
         self.f, self.o, self.on = f, f.operators, f.covered
@@ -332,326 +653,3 @@ class FluxValues:
         """Derivatives of the loads by unknowns, from ``parts`` of the four quantities."""
         numbers, change = self.stacked(parts)
         return as_block(csr_array(self.by_quantities @ change), self._flux.dofs, numbers)
-
-
-# e_max over the conduction of the cells beside a node [1]. Jumps decrease by this factor in an
-# iteration, to which rounding in the factors of the linear system adds 1e-10 of them.
-STIFFEST = 1e6
-# The same in solves with the tangent that are repeated for derivatives [1]: rounding in the factors
-# adds 1e-13 of jumps, in place of 1e-10; ``equations.linearized`` has the number of solves. Finite
-# conductances above it, too, are solved for exactly, see ``Flux.remainder``.
-SOFT = 1e3
-
-
-@dataclass(frozen=True)
-class NodalFlux:
-    """Flux at the slave nodes of a pair, read-only values; each array has shape (slave nodes,).
-
-    Attributes:
-        jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
-        conductance: h, zero at nodes without partner [flux / field].
-        conduction: Flux by conduction from slave to master [flux].
-        heating: Source by friction, power per area [flux].
-        into_slave: Total that enters the slave [flux length].
-        into_master: Total that enters the master or obstacle [flux length].
-    """
-
-    jump: Array
-    conductance: Array
-    conduction: Array
-    heating: Array
-    into_slave: float
-    into_master: float
-
-
-class Flux(FieldTraces):
-    """A ``Conductance`` bound to a contact.
-
-    Args:
-        law: The conductance.
-        column: Number of its column of ``conduction`` in the state.
-        space: The displacement's nodes, and the mixed space.
-        contact: The contact; its surfaces are those of the traces.
-        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
-
-    Attributes:
-        law, column: See the arguments.
-        is_separate: Whether the field is solved for in another problem.
-        traces: Traces of the field on the slave and, unless it is an obstacle, on the master.
-        T: The field at the dofs of the traces, shape (d,), replicated.
-        spreads: Matrices A without and with perfect conduction, shape (slave nodes, slave nodes).
-        cells: Conduction of the cells beside the nodes per area, shape (slave nodes,) [flux /
-            field]; inf for a separate field.
-        stiffest: e_max over the conduction of the cells [1].
-        to_force: Factor that turns loads into forces of Newton's residual [stress / flux].
-
-    Raises:
-        ValueError: On all ranks, if the space has no such field, or an obstacle no temperature, or
-            a separate field is conducted perfectly.
-    """
-
-    def __init__(
-        self,
-        law: Conductance,
-        column: int,
-        space: DisplacementSpace,
-        contact: Any,
-        prescribed: Flags,
-    ) -> None:
-        self.law, self.column, self._contact = law, column, contact
-        rigid = contact.obstacle is not None
-        if rigid == (law.temperature is None):
-            cure = "give temperature=" if rigid else "omit temperature="
-            raise ValueError(
-                f"{law!r} of {contact.pair!r}: the master is {'an' if rigid else 'no'} obstacle; "
-                f"{cure}"
-            )
-        sides = (contact.slave,) if rigid else (contact.slave, contact.master)
-        super().__init__(space, law.field, sides)
-        self.is_separate = isinstance(law.field, fem.Function)
-        if self.is_separate and law.is_perfect:
-            raise ValueError(
-                f"{law!r}: perfect conduction of a field with a problem of its own is not "
-                "possible, since its flux is an unknown of one system; expected a finite "
-                "conductance, or the number of a sub-space of a mixed function"
-            )
-        if isinstance(law.field, fem.Function):  # its conditions are not known
-            prescribed = np.zeros(law.field.x.array.size, bool)
-        self.T, self.to_force = np.zeros(self.dofs.size), 1.0
-        free = self.interpolations[0] @ self.gathered(prescribed) < 1.0
-        self.spreads = self.traces[0].spreads(free, at_vertices=contact.at_vertices)
-        self.cells = np.full(contact.slave.num_nodes, np.inf)
-        self.stiffest = STIFFEST
-        self._kept: tuple[Any, Any, FluxValues] | None = None
-
-    def evaluate(self, u: Array) -> None:
-        """Gather the field, from all unknowns ``u``, shape (local dofs,), unless separate.
-
-        Collective.
-        """
-        field: Any = self.law.field
-        self.T = self.gathered(field.x.array if self.is_separate else u)
-
-    def set_conduction(self, to_force: Array, own: Array) -> None:
-        """Set the conduction of the cells (collective).
-
-        Args:
-            to_force: Factors that turn loads into forces, shape (owned dofs,).
-            own: Load of a dof by a unit of its own field, shape (owned dofs,).
-        """
-        comm, areas = self._contact.slave.comm, self._contact.slave.nodal_areas
-        self.to_force = float(largest_over_ranks(comm, to_force[self._mine].max(initial=0.0)))
-        at_nodes = self.interpolations[0] @ self.gathered(own)
-        self.cells = np.where(areas > 0.0, at_nodes / np.maximum(areas, TINY), 0.0)
-
-    @property
-    def rounding(self) -> float:
-        """Rounding of the largest source of a node by friction [flux length] (collective).
-
-        Where nodes stick, all of it: slips are differences of positions.
-        """
-        if self.law.heating != "friction" or not self._contact.pair.law.has_friction:
-            return 0.0
-        now = self.now
-        largest = np.abs(now.weight * now.source.by_slip).max(initial=0.0)
-        return EPSILON * float(largest * np.abs(now.o.x).max(initial=0.0))
-
-    # Values
-
-    @property
-    def now(self) -> FluxValues:
-        """Values and derivatives at the present fields of the contact; collective.
-
-        Kept until fields, values, law or what its functions return change.
-        """
-        law = self.law
-        given = self._contact.now, self.T, self.cells, law.h, law.heating
-        numbers = self.stiffest, law.scale, law.share, law.on_obstacle
-        if self._kept is not None:
-            of, by, now = self._kept
-            same = numbers == by and all(a is b for a, b in zip(given, of, strict=True))
-            if same and now.is_current:
-                return now
-        now = FluxValues(self, self._contact.now)
-        self._kept = given, numbers, now
-        return now
-
-    @contextmanager
-    def softened(self) -> Iterator[None]:
-        """Within, e_max is that of solves that are repeated, see ``SOFT`` (local)."""
-        self.stiffest, before = min(SOFT, self.stiffest), self.stiffest
-        try:
-            yield
-        finally:
-            self.stiffest = before
-
-    def _put(self, q: Array) -> None:
-        """Set the conduction of the carriers in the state, shape (slave nodes,) [flux] (local)."""
-        conduction = self._contact.state.conduction.copy()
-        conduction[:, self.column] = q
-        self._contact.change(conduction=conduction)
-
-    def settle(self) -> None:
-        """Set q to h [T] where h is not too large for it (collective)."""
-        now = self.now
-        self._put(np.where(now.is_exact, now.next_q, now.q))
-
-    def move(self, z: Array, fraction: float, step: Array, motion: Array) -> None:
-        """Apply a fraction of the increment of q, before that of other unknowns (collective).
-
-        Args:
-            z: Multipliers of the linear system, shape (slave nodes, dim) [stress].
-            fraction: Fraction of the increment [1].
-            step: Full increment of the unknowns of the bodies, shape (owned dofs,).
-            motion: Full increment of the obstacle's motions, shape (m,), or (0,) [length].
-        """
-        now = self.now
-        q = now.next_q + self._change(step, z - self._contact.z, motion)
-        self._put(now.q + fraction * (q - now.q))
-
-    def _change(self, u: Array, z: Array, motion: Array) -> Array:
-        """Change of q' by those of all unknowns, see ``move``; (slave nodes,) (collective)."""
-        now, sides = self.now, [s.gather(u) for s in (self._contact.slave, self._contact.master)]
-        jump, h, weight = (
-            change_along(now.f, blocks, *sides) for blocks in now.by_displacements[:3]
-        )
-        row, _ = now.rows
-        h += np.einsum("jc,jc->j", row.by_z, z)
-        if motion.size:
-            h += row_by_motions(now.f, row) @ motion
-        jump += now.jumps @ self.gathered(u)
-        return np.asarray(now.q_by_quantities @ np.concatenate([jump, h, weight]))
-
-    @property
-    def coupled(self) -> csr_array:
-        """Slave nodes whose conductions depend on each other: entries of A A^T (local)."""
-        return sum(abs(spread) @ abs(spread).T for spread in self.spreads)
-
-    def nodal(self) -> NodalFlux:
-        """The flux at the present state (collective); filled inside of facets as the pressure."""
-        if self.is_separate:  # it may have changed since
-            self.evaluate(np.empty(0))
-        now = self.now
-        slave, master = (float(now.o.weight @ of_side) for of_side in now.of_sides(now.q))
-        perfect = np.isinf(now.conductance)
-        h = np.where(perfect, 0.0, now.conductance)
-        jump = np.divide(now.means(h * now.jump), h, out=now.jump, where=h > 0.0)
-        jump, h, perfect, conduction, heating = (
-            now.f.fill_inside(values.astype(float))
-            for values in (jump, h, perfect, now.means(now.conduction), now.source.residual)
-        )
-        h[perfect > 0.0] = np.inf
-        return NodalFlux(jump, h, conduction, heating, -slave, master)
-
-    def loads(self) -> list[Array]:
-        """Loads of the dofs by each side, (d,) [flux length], replicated (collective)."""
-        now = self.now
-        return now.loads(now.q)
-
-    def add_loads(self, target: Array) -> None:
-        """Add the loads to ``target``, shape (owned dofs,) or longer (collective)."""
-        self.add(np.sum(self.loads(), axis=0), target)
-
-    def add_newton_loads(self, target: Array) -> None:
-        """Subtract f(z) - f'(z) z, the part of the loads that multipliers leave (collective).
-
-        Args:
-            target: Right-hand side of a Newton step, shape (owned dofs,); changed in place.
-        """
-        now, z = self.now, self._contact.z
-        h, source = (np.einsum("jc,jc->j", row.by_z, z) for row in now.rows)
-        linear = now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source])
-        self.add(linear - np.sum(now.loads(now.next_q), axis=0), target)
-
-    # Derivatives
-
-    @property
-    def conducts(self) -> Flags:
-        """Slave nodes with a partner, which may conduct, shape (slave nodes,), bool."""
-        return np.asarray(self._contact.now.covered)
-
-    def derivative(self) -> list[Block]:
-        """Blocks of the loads' derivatives by all unknowns of the bodies (collective)."""
-        now = self.now
-        blocks = [now.derivative(now.by_unknowns)]
-        if now.o.linearization.frozen:
-            return blocks
-        # d(D^T q)/dd and -d(M^T q)/dd at fixed fluxes
-        of_matrices = now.o.slave_force_derivative, now.o.master_force_derivative
-        sides = zip(self.traces, of_matrices, now.of_sides(now.q), strict=False)
-        for trace, differentiate, flux in sides:
-            nodes = np.arange(trace.surface.num_nodes)[:, None]
-            blocks.append(trace.rows(differentiate(flux[:, None], nodes)))
-        return blocks
-
-    # Solves with the tangent, which has e_max in place of larger conductances
-
-    @property
-    def exceeds(self) -> bool:
-        """Whether a conductance exceeds e_max (collective)."""
-        return not self.now.is_exact.all()
-
-    def remainder(self, u: Array, z: Array, motion: Array, d: Array) -> Array:
-        """Right-hand side of the next change of a solution of the tangent (collective).
-
-        With loads E^T q, and dq' = Q x of the tangent, the equations K x + E^T dq = b and
-        dq = Q x + (1 - e / h) dq are solved with dq of the solve before on the right: changes are
-
-            (K + E^T Q) x_k = -E^T (1 - e / h) d_(k-1),      d_k = Q x_k + (1 - e / h) d_(k-1).
-
-        Args:
-            u: The last change x_k, shape (owned dofs,).
-            z: Its multipliers, shape (slave nodes, dim) [stress].
-            motion: Its motions of the obstacle, shape (m,), or (0,) [length].
-            d: That of dq in the solve before, d_(k-1), at first zero, shape (slave nodes,) [flux];
-                changed in place to d_k.
-
-        Returns:
-            Shape (owned dofs,) [load].
-        """
-        now, loads = self.now, np.zeros_like(u)
-        d[:] = self._change(u, z, motion) + now.kept * d
-        self.add(now.by_conduction(-now.kept * d), loads)
-        return loads
-
-    def transposed_remainder(self, u: Array, d: Array) -> tuple[Array, Array, Array]:
-        """As ``remainder``, with changes of the transposed equations, zero at prescribed dofs.
-
-        E and Q change places: d, of the multiplier of q' [field], is that of E u.
-
-        Returns:
-            Parts of unknowns, multipliers and motions [their units], shaped as ``remainder``.
-        """
-        contact, now = self._contact, self.now
-        d[:] = now.of_carriers(now.jumps @ self.gathered(u)) + now.kept * d
-        q = -now.kept * d
-        by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
-        numbers, change = now.stacked(now.by_unknowns)
-        values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])
-        first, end = self.owned
-        on_bodies, motion = np.zeros_like(u), np.zeros(0)
-        for dofs, of_rank in contact.slave.comm.allgather((numbers, values)):
-            mine = (dofs >= first) & (dofs < end)
-            on_bodies[dofs[mine] - first] += of_rank[mine]
-        row, _ = now.rows
-        if contact.obstacle is not None:
-            motion = by_h @ row_by_motions(now.f, row)
-        return on_bodies, by_h[:, None] * row.by_z, motion
-
-    def by_multipliers(self) -> Block:
-        """Derivatives of the loads by multipliers; columns index z.ravel() (collective)."""
-        own, dim = self._contact.slave.owned, self._contact.slave.dim
-        columns = dim * own[:, None] + np.arange(dim)
-        now = self.now
-        h, source = ([Block(own[:, None], columns, row.by_z[own][:, None])] for row in now.rows)
-        return now.derivative([[], h, [], source])
-
-    def add_by_motions(self, columns: Array) -> None:
-        """Add the loads' derivatives by the motions of the obstacle (collective).
-
-        Args:
-            columns: Shape (m, owned dofs) or longer [load / length]; changed in place.
-        """
-        now = self.now
-        h, source = (row_by_motions(now.f, row) for row in now.rows)
-        self.add(now.by_quantities @ np.concatenate([0.0 * h, h, 0.0 * h, source]), columns.T)

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Base of contacts and ties: two surfaces, their state, multipliers and forces.
+"""Base of contacts and ties: two surfaces with multipliers, their operators, state and forces.
 
-What the linear systems need of each component of an interface's multipliers.
-
-Evaluation of the operators of one contact with a master surface or an obstacle.
-
-With small sliding, D, M and normals are those of the undeformed mesh; the gap is the present one.
+``Interface`` is the base class. Its ``Components`` are what linear systems need of the multipliers;
+``OperatorEvaluation`` evaluates the operators of a contact.
 """
 
 from __future__ import annotations
@@ -14,15 +11,16 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.contact.interface_fields import InterfaceFields, InterfaceState
+from fenics_mortar.contact.fields import InterfaceFields, InterfaceState
 from fenics_mortar.contact.pair import PRESETS, Discretization
 from fenics_mortar.interface import integrals
+from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.outline import Outline, Sight
@@ -36,6 +34,7 @@ from fenics_mortar.obstacles.rigid_motion import at_place
 from fenics_mortar.utils.clock import clock
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.mortar import BodiesBehind, MortarOptions
     from fenics_mortar.mesh.space import DisplacementSpace
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -99,7 +98,9 @@ def _points_in_space(choice: Discretization, slave: Any, master: Any) -> int:
 
 
 class Components:
-    """Components of the multipliers of a contact; arrays have the shape of z (local).
+    """What linear systems need of each component of an interface's multipliers (local).
+
+    Arrays have the shape of z.
 
     Args:
         interface: The interface; its present fields are used.
@@ -202,8 +203,8 @@ class Interface(ABC):
         rows: Rows of the multipliers, the law of the interface.
         components: Dofs and scales of the components of the multipliers.
         fluxes: Fluxes of scalar fields across the interface, see ``fluxes``.
-        conductances: Those of them that are no multipliers of a tie.
-        all_fluxes: These, and those of fields that are solved for in other problems.
+        conductances: The fluxes that are not multipliers of a tie.
+        all_fluxes: ``fluxes``, and those of fields that are solved for in other problems.
         state: The present state.
         now: Fields at the last evaluated displacement and the present state.
         z: Multipliers, shape (slave nodes, c); c is dim, on a tie dim and the number of tied
@@ -444,7 +445,10 @@ def place_of(reference: Reference | None, obstacle: Obstacle | None) -> Array:
 
 @dataclass(eq=False)
 class OperatorEvaluation:
-    """Evaluation of the operators of one contact; does not change the state.
+    """Evaluation of the operators of one contact with a master surface or an obstacle.
+
+    The state is not changed. With small sliding, D, M and normals are those of the undeformed mesh;
+    the gap is the present one.
 
     Args:
         slave: The slave.
@@ -462,14 +466,19 @@ class OperatorEvaluation:
     obstacle: Obstacle | None
     arm: float
     planes: Array
-    options: integrals.MortarOptions
+    options: MortarOptions
     small: bool
     sight: Sight | None = field(default=None, init=False)
-    behind: integrals.BodiesBehind | None = field(default=None, init=False)
+    behind: BodiesBehind | None = field(default=None, init=False)
     # of the last state and two initial guesses, also with the multiplier nodes of their cover
     _recent: deque[tuple[bytes, bytes, Linearization, MortarOperators]] = field(
         default_factory=partial(deque, maxlen=5), init=False
     )
+
+    @cached_property
+    def sharp_edges(self) -> SharpEdges:
+        """Corners of the slave, in space its sharp edges."""
+        return SharpEdges(self.slave)
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -573,16 +582,17 @@ class OperatorEvaluation:
 
     def _integrate(
         self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
-        behind: integrals.BodiesBehind | None,
+        behind: BodiesBehind | None,
     ) -> MortarOperators:  # fmt: skip
         """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
 
         Without an obstacle a recent result for the same arguments, see ``evaluate``, or with the
         search of one for other multiplier nodes.
         """
+        takes_one = self.options.corners and self.obstacle is None
         given = integrals.MortarInput(
             self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-            linearization, behind,
+            linearization, behind, self.sharp_edges if takes_one else None,
         )  # fmt: skip
         if self.obstacle is not None:
             with INTEGRALS:
@@ -602,9 +612,10 @@ class OperatorEvaluation:
 
 
 def or_other_weights(contact: Interface) -> str:
-    """Advice to weight gaps by standard functions, if these are positive; else "" (local)."""
+    """Advice to weight gaps by standard functions, if these are positive and not taken; else ""."""
     linear = contact.basis == "vertices" or (contact.basis == "dual" and contact.slave.degree == 1)
-    return ", or take Discretization(gap_weights='standard')" * linear
+    others = contact.pair.discretization.gap_weights != "standard"
+    return ", or take Discretization(gap_weights='standard')" * (linear and others)
 
 
 def or_more_functions(contacts: Sequence[Interface]) -> str:

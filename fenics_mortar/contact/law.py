@@ -1,98 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Base class of contact laws, and the two laws without parameters.
+"""Contact laws: the tangential row of active slave nodes, and the adhesion of open ones.
 
-Besides the tangential row and an adhesion, see below, a law may have
-
-- ``closing_gap``: a length g_c(g, u, z_n, z_tau) that replaces the gap g in
-
-    g_c >= 0,    z_n + a >= 0,    (z_n + a) g_c = 0.
-
-  Wear h is g_c = g + h; a soft layer of compliance 1 / k is g_c = g + z_n / k; a layer with the
-  pressure p(overlap) is g_c = (z_n - p(-g)) / k with any stiffness k.
-- ``memory``: numbers stored at each node, which ``remember`` replaces at the end of a step. They
-  are part of the state of the interface: they are restored if a step fails, and saved in
-  checkpoints.
-- ``fields``: parameters that vary in space.
-
-The argument ``Nodal`` of each method contains positions, time, step and memory. Derivatives are
-returned by the law, or computed by ``nodal.row_of``. Archard's wear with Coulomb's friction, h' =
-wear z_n |u'|:
-
->>> from fenics_mortar.contact.law import Coulomb
->>> from fenics_mortar.contact.law import magnitude, row_of
->>> class Worn(Coulomb):
-...     memory = ("depth",)
-...
-...     def __init__(self, mu: float, wear: float) -> None:
-...         super().__init__(mu)
-...         self.wear = wear
-...
-...     def depth(self, node: Nodal) -> Any:
-...         return node.memory["depth"] + self.wear * node.z_n * magnitude(node.slip)
-...
-...     def closing_gap(self, node: Nodal) -> Row:
-...         return row_of(lambda at: at.gap + self.depth(at), node)
-...
-...     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
-...         return {"depth": self.depth(node)}
->>> Worn(0.3, wear=1e-4).memory
-('depth',)
-
-Arguments and results of contact laws at the slave nodes, and derivatives by complex step.
-
-Contact laws: the tangential row of active slave nodes, and the adhesion of open ones.
-
-The gap of an active node is closed under every law. A law adds one equation per node,
-rho(g, u, z_n, z_tau) = 0, with the mean gap g, the slip u since the last accepted step, and the
-multiplier z = z_n n + z_tau tau, minus the traction on the slave. It returns rho and its four
-derivatives; the derivatives of g, u, n and tau with respect to the displacement are computed by
-``Contact``.
-
-The multiplier of an open node is zero unless the law has an adhesion a(g), see ``Law.adhesion``.
-Then g and z_n + a are complementary:
-
-    g >= 0,    z_n + a(g) >= 0,    (z_n + a(g)) g = 0,
-
-so that a closed node opens if its tension exceeds a(0), and z_n = -a(g) at an open node.
-
-rho may consist of smooth branches. ``Law.branch`` returns the branch of each node as an integer;
-Newton's method uses it to detect changes and cycles.
-
-Example: a regularized Coulomb law with a single branch,
-
->>> class Creeping(Law):
-...     def __init__(self, mu: float, length: float) -> None:
-...         self.mu, self.length = mu, length
-...
-...     def branch(self, node: Nodal, before: Branches) -> Branches:
-...         return np.ones_like(before)
-...
-...     def tangential(self, node: Nodal, branch: Branches) -> Row:
-...         fraction = np.tanh(node.slip / self.length)
-...         return Row(
-...             node.z_tau - self.mu * node.z_n * fraction,
-...             by_slip=-self.mu * node.z_n * (1.0 - fraction**2) / self.length,
-...             by_z_n=-self.mu * fraction,
-...             by_z_tau=1.0,
-...         )
-...
-...     def friction_limit(self, pressure: Array) -> Array:
-...         return self.mu * pressure
->>> Creeping(0.3, 0.01).friction_limit(np.array([0.0, 2.0]))
-array([0. , 0.6])
-
-and Coulomb friction with an adhesion that decays with the gap:
-
->>> class Sticky(Coulomb):
-...     def adhesion(self, gap: Array) -> tuple[Array, Array]:
-...         pull = 2.0 * np.exp(-gap / 0.01)
-...         return pull, -pull / 0.01
->>> Sticky(0.3).has_adhesion
-True
-
-``ContactProblem.check_tangent`` verifies the derivatives. Results must be finite, equal on all
-ranks, and one number per node. Otherwise, or if the law raises an error, the solve raises an error
-on all ranks, see ``law_calls``. ``Law.check`` may reject parameters before each solve.
+``Law`` is the base class, with an explanation of how to write one. ``Frictionless`` and ``Stick``
+have no parameters; ``Friction`` is the base class of laws with a friction limit, as ``Coulomb`` and
+``Tresca``. All laws act on all slave nodes at once: their argument is a ``Nodal``, and a result is
+a ``Row``, whose derivatives are given or computed by complex step, see ``row_of``.
 """
 
 from __future__ import annotations
@@ -239,8 +151,8 @@ def mapped(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
 # kink: distance of the shear over the friction limit, or of the gap over the nodal length. It is
 # larger than the errors after convergence of Newton's method.
 KINK = 1e-8
-# Branch of nodes that stick.
-STICK = 0
+# Branches of friction: stick, and times the direction sliding, also without pressure.
+STICK, SLIDE, GRAZE = range(3)
 
 
 def check_names(law: Law) -> None:
@@ -300,6 +212,93 @@ def check_entries(name: str, value: Any, expected: str, allows: Callable[[Any], 
 class Law(ABC):
     """Base class of all laws; all methods act on all slave nodes at once and are local.
 
+    The gap of an active node is closed under every law. A law adds one equation per node, rho(g, u,
+    z_n, z_tau) = 0, with the mean gap g, the slip u since the last accepted step, and the
+    multiplier z = z_n n + z_tau tau, minus the traction on the slave. It returns rho and its four
+    derivatives; the derivatives of g, u, n and tau with respect to the displacement are computed by
+    ``Contact``.
+
+    The multiplier of an open node is zero unless the law has an adhesion a(g), see
+    ``Law.adhesion``. Then g and z_n + a are complementary:
+
+        g >= 0,    z_n + a(g) >= 0,    (z_n + a(g)) g = 0,
+
+    so that a closed node opens if its tension exceeds a(0), and z_n = -a(g) at an open node.
+
+    rho may consist of smooth branches. ``Law.branch`` returns the branch of each node as an
+    integer; Newton's method uses it to detect changes and cycles.
+
+    Example: a regularized Coulomb law with a single branch,
+
+    >>> class Creeping(Law):
+    ...     def __init__(self, mu: float, length: float) -> None:
+    ...         self.mu, self.length = mu, length
+    ...
+    ...     def branch(self, node: Nodal, before: Branches) -> Branches:
+    ...         return np.ones_like(before)
+    ...
+    ...     def tangential(self, node: Nodal, branch: Branches) -> Row:
+    ...         fraction = np.tanh(node.slip / self.length)
+    ...         return Row(
+    ...             node.z_tau - self.mu * node.z_n * fraction,
+    ...             by_slip=-self.mu * node.z_n * (1.0 - fraction**2) / self.length,
+    ...             by_z_n=-self.mu * fraction,
+    ...             by_z_tau=1.0,
+    ...         )
+    ...
+    ...     def friction_limit(self, pressure: Array) -> Array:
+    ...         return self.mu * pressure
+    >>> Creeping(0.3, 0.01).friction_limit(np.array([0.0, 2.0]))
+    array([0. , 0.6])
+
+    and Coulomb friction with an adhesion that decays with the gap:
+
+    >>> class Sticky(Coulomb):
+    ...     def adhesion(self, gap: Array) -> tuple[Array, Array]:
+    ...         pull = 2.0 * np.exp(-gap / 0.01)
+    ...         return pull, -pull / 0.01
+    >>> Sticky(0.3).has_adhesion
+    True
+
+    Besides the tangential row and an adhesion, a law may have
+
+    - ``closing_gap``: a length g_c(g, u, z_n, z_tau) that replaces the gap g in
+
+        g_c >= 0,    z_n + a >= 0,    (z_n + a) g_c = 0.
+
+      Wear h is g_c = g + h; a soft layer of compliance 1 / k is g_c = g + z_n / k; a layer with
+      the pressure p(overlap) is g_c = (z_n - p(-g)) / k with any stiffness k.
+    - ``memory``: numbers stored at each node, which ``remember`` replaces at the end of a step.
+      They are part of the state of the interface: they are restored if a step fails, and saved in
+      checkpoints.
+    - ``fields``: parameters that vary in space.
+
+    The argument ``Nodal`` of each method contains positions, time, step and memory. Derivatives are
+    returned by the law, or computed by ``row_of``. Archard's wear with Coulomb's friction,
+    h' = wear z_n |u'|:
+
+    >>> class Worn(Coulomb):
+    ...     memory = ("depth",)
+    ...
+    ...     def __init__(self, mu: float, wear: float) -> None:
+    ...         super().__init__(mu)
+    ...         self.wear = wear
+    ...
+    ...     def depth(self, node: Nodal) -> Any:
+    ...         return node.memory["depth"] + self.wear * node.z_n * magnitude(node.slip)
+    ...
+    ...     def closing_gap(self, node: Nodal) -> Row:
+    ...         return row_of(lambda at: at.gap + self.depth(at), node)
+    ...
+    ...     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
+    ...         return {"depth": self.depth(node)}
+    >>> Worn(0.3, wear=1e-4).memory
+    ('depth',)
+
+    ``ContactProblem.check_tangent`` verifies the derivatives. Results must be finite, equal on all
+    ranks, and one number per node. Otherwise, or if the law raises an error, the solve raises an
+    error on all ranks, see ``law_calls``. ``Law.check`` may reject parameters before each solve.
+
     Attributes:
         parameters: Names of attributes, real numbers or arrays of these, with respect to which
             results may be differentiated: ``tangential`` and ``adhesion`` have to be analytic in
@@ -316,6 +315,8 @@ class Law(ABC):
             ``None``: the law depends on its sum with ``slip``, and remembers this. In space it is a
             vector, zero at the start, which turns with the slave; shear and slip are then those
             along the total slip, and memory and results have its components, as "slid_x".
+        grazes: Whether the friction limit is positive without pressure, see ``Friction``: of laws
+            derived from it that have its ``branch`` and ``tangential``, without adhesion.
     """
 
     parameters: tuple[str, ...] = ()
@@ -324,6 +325,7 @@ class Law(ABC):
     needs_time: bool = False
     bridges_gap: bool = False
     summed_slip: str | None = None
+    grazes: bool = False
 
     def __repr__(self) -> str:
         """Name and public numbers, equal on all ranks."""
@@ -537,6 +539,12 @@ class Friction(Law):
         stick (0):     |w| <= b        (k / l) u = 0
         slide (+-1):   +-w > b         z_tau -+ b = 0
 
+    A limit b > 0 without pressure jumps where a node opens: an edge node that its own shear opens
+    closes again without it. Under a law that ``grazes`` the limit at no pressure is therefore any
+    value from 0 to b. On the third branch a node slides in a direction, closed without pressure:
+
+        graze (+-2):   0 < +-z_tau < b    z_n = 0
+
     Args:
         c_t: Weight of the slip in w [1]. The result does not depend on it. With large weights nodes
             reverse their direction of sliding within one iteration and may alternate; with small
@@ -547,6 +555,12 @@ class Friction(Law):
     """
 
     c_t = 0.1  # default for laws that do not call ``__init__`` of this class
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """A class with branches or rows of its own grazes only if it says so."""
+        super().__init_subclass__(**options)
+        if {"branch", "tangential"} & vars(cls).keys() and "grazes" not in vars(cls):
+            cls.grazes = False
 
     def __init__(self, c_t: float = c_t) -> None:
         self.c_t = c_t
@@ -570,8 +584,8 @@ class Friction(Law):
     def friction_limit_at(self, node: Nodal) -> Array:
         """The limit b; see ``Law.friction_limit_at``.
 
-        Of ``limit`` and ``friction_limit`` the one that the most derived class defines is meant: a
-        law derived from ``Coulomb`` with another ``limit`` has another ``friction_limit``, too.
+        Of ``limit`` and ``friction_limit``, that of the most derived class applies: a law derived
+        from ``Coulomb`` with another ``limit`` also has another ``friction_limit``.
         """
         kinds = (kind for kind in type(self).__mro__ if {"limit", "friction_limit"} & {*vars(kind)})
         if self.needs_nodal_state or "friction_limit" not in vars(next(kinds)):
@@ -579,24 +593,38 @@ class Friction(Law):
         return self.friction_limit(node.z_n)
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Stick (0) or direction of sliding (+-1), either if the limit is 0; see ``Law.branch``."""
+        """Stick (0), direction of sliding (+-1) or of grazing (+-2); see ``Law.branch``.
+
+        Nodes stick or slide if the limit is 0, as before.
+        """
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
         kink = np.abs(np.abs(w) - limit) <= KINK * np.maximum(limit, SMALL_LIMIT * np.abs(node.z_n))
         free = np.where(before == STICK, 1, before)
-        return np.where(limit == 0.0, free, np.where(kink, before, now))
+        found = np.where(limit == 0.0, free, np.where(kink, before, now))
+        if not self.grazes:
+            return found
+        way, none = np.sign(before), (node.z_n == 0.0) & (node.z_tau == 0.0)  # just closed
+        back = way * self.c_t * node.stiffness * node.slip < -KINK * limit
+        left = np.where(way * node.z_tau + node.z_n < limit, before, way)
+        left = np.where(back & ~none, STICK, left)
+        return np.where(np.abs(before) == GRAZE, left, found)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
         """Slip of sticking nodes, shear minus limit of sliding ones; see ``Law.tangential``."""
         given, sticks = self.limit(node), branch == STICK
         b = given if isinstance(given, Row) else Row(*given[:2], by_z_n=given[2])
-        return Row(
+        row = Row(
             np.where(sticks, -node.stiffness * node.slip, node.z_tau - branch * b.residual),
             by_gap=-branch * b.by_gap,
             by_slip=np.where(sticks, -node.stiffness, -branch * b.by_slip),
             by_z_n=-branch * b.by_z_n,
             by_z_tau=np.where(sticks, 0.0, 1.0 - branch * b.by_z_tau),
         )
+        if not self.grazes:
+            return row
+        pairs = zip(Row(node.z_n, by_z_n=1.0), row, strict=True)
+        return Row(*(np.where(np.abs(branch) == GRAZE, a, b) for a, b in pairs))
 
 
 class Coulomb(Friction):
@@ -663,14 +691,10 @@ class Coulomb(Friction):
 
 
 class Tresca(Friction):
-    """Tresca's law, |z_tau| <= stress at all active nodes.
+    """Tresca's law, |z_tau| <= stress at all closed nodes.
 
-    The friction limit does not vanish with the pressure, and a load step may have no solution: an
-    edge node overlaps if it is open, is in tension if it slides, and exceeds the limit if it
-    sticks. In such steps of a circle pressed on a block, no combination of open, sticking and
-    sliding edge nodes was a solution; smaller steps converged. ``Coulomb(mu, max_shear=stress)``
-    has a limit that vanishes with the pressure: none of these steps failed with mu = 1, half of
-    them with mu = 100.
+    Where the shear of an edge node would open it, it is as large as leaves the node closed without
+    pressure, see ``Friction``.
 
     Args:
         stress: Friction limit [stress].
@@ -681,6 +705,7 @@ class Tresca(Friction):
     """
 
     parameters = ("stress",)
+    grazes = True
 
     def __init__(self, stress: float, *, c_t: float = Friction.c_t) -> None:
         super().__init__(c_t)

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What users give of pairs: contact pairs, tied pairs, sections of bolts under pretension.
+"""Pairs as users define them: contact, ties, sections of bolts under pretension.
 
-Discretization of a pair: choices for research and for comparison with other codes.
-
-The default is the most accurate choice. Others reproduce other codes, or serve to measure the
-effect of a choice. ``PRESETS`` names sets of conventions.
+``Discretization`` has choices of a pair for research and for comparison with other codes.
 """
 
 from __future__ import annotations
@@ -20,23 +17,21 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from fenics_mortar.contact.conductance import Conductance
 from fenics_mortar.contact.law import Frictionless, Law, check_names
-from fenics_mortar.contact.law_calls import Conductance
-from fenics_mortar.interface.integrals import GapWeights, Integration, MortarOptions, Weighting
+from fenics_mortar.interface.mortar import GapWeights, Integration, MortarOptions, Weighting
 from fenics_mortar.interface.reference import Basis
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.obstacles.rigid_motion import (
-    TURNS,
-    check_direction,
-    check_finite,
-    check_vector,
-)
+from fenics_mortar.obstacles.rigid_motion import TURNS
 from fenics_mortar.utils.errors import (
     check_choice,
+    check_direction,
+    check_finite,
     check_kind,
     check_number,
     check_same_texts,
+    check_vector,
     together,
 )
 
@@ -52,13 +47,14 @@ OF_TIES = ("basis", "points", "max_angle")
 class Discretization:
     """Discretization of a pair: multipliers, normals, weighted gap, integration, slip.
 
-    The options are checked by the pair, on all ranks together. Presets: "default" is
-    ``Discretization()``. "other_codes" has unit weights of the normals, gaps weighted by the
-    multiplier functions and slip from changes of D and M, as 4C; solutions agree with 4C to
-    rounding where facets are fully covered; in space the rules of a triangle have 7 points (12 on
-    quadratic facets) whatever the shape of the facets. "petrov_galerkin" weights gaps by the
-    standard functions, with dual multipliers (Popp, Seitz, Gee & Wall 2013).
-    ``dataclasses.replace`` makes a variant of a preset.
+    The default is the most accurate choice. Others reproduce other codes, or serve to measure the
+    effect of a choice. The options are checked by the pair, on all ranks together. ``PRESETS``
+    names sets of conventions: "default" is ``Discretization()``. "other_codes" has unit weights of
+    the normals, gaps weighted by the multiplier functions and slip from changes of D and M, as 4C;
+    solutions agree with 4C to rounding where facets are fully covered; in space the rules of a
+    triangle have 7 points (12 on quadratic facets) whatever the shape of the facets.
+    "petrov_galerkin" weights gaps by the standard functions, with dual multipliers (Popp, Seitz,
+    Gee & Wall 2013). ``dataclasses.replace`` makes a variant of a preset.
 
     Attributes:
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes; on
@@ -518,7 +514,7 @@ def _numbers(fields: Any) -> tuple[int, ...]:
 class SectionMotion:
     """Shortening and force of a section, as the first of the motions of a remote load.
 
-    These are three in the plane and six in space, of which shapes below are those of the plane.
+    These are three in the plane and six in space; shapes are those of the plane.
 
     Attributes:
         kind: What moves, used in messages.

@@ -1,41 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Rows of the multipliers of a contact: gap and contact law.
+"""Equations of the multipliers of a contact: their rows, the active set, and the multiplier nodes.
 
-Rows of gaps are weighted by k_j / D_jj, rows of the law by D_jj, and rows of a closing gap by k_j,
-so that all have the units of the bulk rows. They are combined into Cartesian components: n
-(row of the gap) - tau (tangential row), or for an open node - n (normal row) - tau
-(tangential row).
-
-In space the law has rows along two tangents, with the weights e D and t D.
-
-Changes of the gaps and rates of slip and opening in given motions of both surfaces.
-
-Active set and branches of the contact law, from the complementarity function, and the tractions
-that the law admits at other pressures and gaps.
-
-Not every slave node carries a multiplier. A node with prescribed components whose normal is
-approximately along the free ones lies on a symmetry plane; its normal is set to its part along
-these. Oblique normals are unchanged. A node prescribed along its normal, or in both components,
-carries no multiplier. Neither does the tip of a crack, a node of both faces: its gap is zero.
-
-The multiplier function of a hardly covered node is added to that of a neighbour. The nodal force
-w_j z_j does not vanish with the weight w_j; z_j would therefore grow without bound as the cover
-vanishes. Row scaling keeps the linear systems regular, but z_j would still be large and the active
-set unstable. An edge pressed by 2 % and slid past 2.5 slave nodes in 40 steps
-(block on block, mean pressure 1.4):
-
-==========================  ==========  ================  ================
-41 load steps               friction    handed over       never
-==========================  ==========  ================  ================
-iterations                  0           129, at most 4    134, at most 6
-largest nodal pressure      0           9.6               671
-iterations                  0.3         132, at most 5    156, at most 12
-largest nodal pressure      0.3         24                5e4
-steps without solution      0.3         0                 2
-==========================  ==========  ================  ================
-
-Total forces agree to 0.6 %. A gradual transfer, s Phi_j to the node and (1 - s) Phi_j to its
-neighbour, has no effect: for s > 0 the functions span the original space.
+``ContactRows`` are the rows of gap and contact law; functions yield their changes in given motions
+of both surfaces. ``next_sets`` finds the active set and the branches by the complementarity
+function, ``strength`` the tractions that the law admits at other pressures and gaps, and
+``MultiplierNodes`` the slave nodes that carry multipliers.
 """
 
 from __future__ import annotations
@@ -46,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_mortar.contact.interface_fields import normal_parts, tangential
-from fenics_mortar.contact.law import KINK, STICK, Branches, VectorRow
-from fenics_mortar.interface.integrals import PlaneOperators
+from fenics_mortar.contact.fields import normal_parts, tangential
+from fenics_mortar.contact.law import GRAZE, KINK, STICK, Branches, VectorRow
 from fenics_mortar.interface.mortar import Block, scaled
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.kernels.blocks import expand_rows
@@ -56,8 +24,7 @@ from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.fields import ContactFields
-    from fenics_mortar.contact.interface_fields import InterfaceFields
+    from fenics_mortar.contact.fields import ContactFields, InterfaceFields, InterfaceState
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D of
 # the law; with a closing gap of the law, weights of gaps are zero, and the weight -n k of the
@@ -84,7 +51,14 @@ class Rows:
 class ContactRows:
     """Rows of the multipliers of a contact: gap and contact law (local).
 
-    Rows have the units of those of the bulk; those of a tie have the same methods.
+    Rows of gaps are weighted by k_j / D_jj, rows of the law by D_jj, and rows of a closing gap by
+    k_j, so that all have the units of the bulk rows. They are combined into Cartesian components,
+
+        active:   n (row of the gap) - tau (tangential row)
+        open:     - n (normal row) - tau (tangential row).
+
+    In space the law has rows along two tangents, with the weights e D and t D. Rows of a tie have
+    the same methods.
 
     Args:
         interface: The contact; its present fields ``now`` are used.
@@ -97,8 +71,8 @@ class ContactRows:
         """The linearized rows; shapes and units are those of ``Rows``."""
         f: ContactFields = self._interface.now
         o, z, own = f.operators, f.z_u, f.interface.slave.owned
-        if not isinstance(o, PlaneOperators):  # whose derivatives are found with the integrals
-            f.acting.linearize_at(z)  # with the forces, which are differentiated next
+        if o.is_linearized_late:  # with the forces, which are differentiated next
+            f.acting.linearize_at(z)
         normal, idle, *weights = self.frame()
         dim, j = normal.shape[1], own[f.acts[own]]
         rhs, by_gap = -normal * o.gap[:, None], np.zeros(normal.shape)
@@ -338,7 +312,11 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     changes = {"active": active} if resets else {}
     if resets or (new != f.state.z).any():
         f = f.after(f.state.replaced(z=new, **changes))
-    branch = f.interface.law_calls.branch(f.nodal, before.branch)
+    last = before.branch
+    if law.grazes and not law.has_adhesion:
+        last, opened = graze_if_peeled(f, before)
+        f = f.after(f.state.replaced(opened=opened))
+    branch = f.interface.law_calls.branch(f.nodal, last)
     if o.n.shape[1] == 3 and law.has_friction:
         branch, heading = stick_where_turning_back(f, branch, before.heading, start=start)
         f = f.after(f.state.replaced(heading=heading))
@@ -350,6 +328,29 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, int]:
     ruled = f.acts if law.bridges_gap else active
     changed = (active != before.active) | (ruled & f.interface.follows_law & branched)
     return f, int(np.count_nonzero(changed))
+
+
+def graze_if_peeled(f: ContactFields, before: InterfaceState) -> tuple[Branches, Array]:
+    """Branches of the last iterate, grazing at nodes that their shear has opened twice (local).
+
+    Their tension was below the shear. Other nodes open and close for other reasons.
+
+    Args:
+        f: Fields with the new active set, of a law that ``grazes``.
+        before: State of the last iterate.
+
+    Returns:
+        Branches, and ``InterfaceState.opened`` [1], shape (slave nodes,) each.
+    """
+    active = f.state.active
+    opened = np.zeros(active.size, np.int64) if before.opened is None else before.opened
+    closes = active & ~before.active & (opened % 2 == 0) & (opened > 0)
+    way = np.sign(f.nodal.slip) if f.operators.n.shape[1] == 2 else np.ones(active.size)
+    kept = np.where(active, before.branch, np.sign(before.branch))
+    branch = np.where(closes, GRAZE * way, kept).astype(np.int64)
+    n, z = f.operators.n, before.z
+    peels = np.linalg.norm(tangential(z, n), axis=1) > -normal_parts(n, z)
+    return branch, opened + (before.active & ~active & peels)
 
 
 def updated_set(f: ContactFields, *, start: bool) -> tuple[Flags, Array]:
@@ -367,6 +368,9 @@ def updated_set(f: ContactFields, *, start: bool) -> tuple[Flags, Array]:
     """
     c, o, gap, a, z = f.interface, f.operators, f.nodal.gap, f.pull.residual, f.state.z
     push = np.where(f.attracted, 0.0, f.z_n + a)
+    if c.pair.law.grazes:
+        way = np.sign(f.state.branch) * (np.abs(f.state.branch) == GRAZE)
+        push = push + way * f.z_tau
     closes = push > f.state.c_n * c.foundation * gap
     largest = np.abs(o.x).max(initial=0.0)
     known = (np.abs(push) > LAST_DIGITS * c.modulus) | (np.abs(gap) > LAST_DIGITS * largest)
@@ -391,8 +395,8 @@ def stick_where_turning_back(
 
     A node that slides in the direction e with w . e < 0 in the next iterate slides in the opposite
     direction then. With weights c_t (k / l) of the slip that exceed the stiffness of the node, as
-    that of corners of facets with nine nodes, it jumps over stick each time, and turns back for
-    ever. In the plane the two directions are branches of their own, and cycles of them are found.
+    that of corners of facets with nine nodes, it jumps over stick each time, and turns back
+    forever. In the plane the two directions are branches of their own, and their cycles are found.
 
     Args:
         f: Fields in space.
@@ -494,6 +498,30 @@ def _cosines(normals: Array, free: Array) -> Array:
 
 class MultiplierNodes:
     """Slave nodes that may carry multipliers, and those that do; equal on all ranks.
+
+    Not every slave node carries a multiplier. A node with prescribed components whose normal is
+    approximately along the free ones lies on a symmetry plane; its normal is set to its part along
+    these. Oblique normals are unchanged. A node prescribed along its normal, or in both components,
+    carries no multiplier. Neither does the tip of a crack, a node of both faces: its gap is zero.
+
+    The multiplier function of a hardly covered node is added to that of a neighbour. The nodal
+    force w_j z_j does not vanish with the weight w_j; z_j would therefore grow without bound as the
+    cover vanishes. Row scaling keeps the linear systems regular, but z_j would still be large and
+    the active set unstable. An edge pressed by 2 % and slid past 2.5 slave nodes in 40 steps (block
+    on block, mean pressure 1.4):
+
+    ==========================  ==========  ================  ================
+    41 load steps               friction    handed over       never
+    ==========================  ==========  ================  ================
+    iterations                  0           129, at most 4    134, at most 6
+    largest nodal pressure      0           9.6               671
+    iterations                  0.3         132, at most 5    156, at most 12
+    largest nodal pressure      0.3         24                5e4
+    steps without solution      0.3         0                 2
+    ==========================  ==========  ================  ================
+
+    Total forces agree to 0.6 %. A gradual transfer, s Phi_j to the node and (1 - s) Phi_j to its
+    neighbour, has no effect: for s > 0 the functions span the original space.
 
     Args:
         slave: The slave surface.

@@ -40,13 +40,11 @@ measure         error of the shear, relative to Cattaneo and Mindlin
 default. "operators" is for comparison.
 
 Open nodes have partners as well: slip is counted from the points faced at the start of the step, or
-where supports turn bodies, after their motions, see ``arcs``.
-The partner of a node beyond the end of the master is the nearest point of the nearest master facet,
-extended as a straight line; such a node has no D_old, and s_j = 0. On a rigid obstacle the partner
-is the nearest point of the obstacle and moves with it; slip is the motion of the node relative to
-the obstacle, found from its pivot, with both measures. With small sliding nothing but an obstacle
-rotates.
-
+where supports turn bodies, after their motions, see ``arcs``. The partner of a node beyond the end
+of the master is the nearest point of the nearest master facet, extended as a straight line; such a
+node has no D_old, and s_j = 0. On a rigid obstacle the partner is the nearest point of the obstacle
+and moves with it; slip is the motion of the node relative to the obstacle, found from its pivot,
+with both measures. With small sliding nothing but an obstacle rotates.
 """
 
 from __future__ import annotations
@@ -67,7 +65,7 @@ from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
-from fenics_mortar.utils.arrays import ROUNDING, TINY, norms
+from fenics_mortar.utils.arrays import ROUNDING, TINY, at_rows, norms
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -75,7 +73,6 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.interface.outline import Outline
-    from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
@@ -128,8 +125,8 @@ class Partners(ABC):
     Equal on all ranks.
 
     Attributes:
-        pairing: Function of the ``Pairing``, evaluated when it is first called: without friction it
-            is hardly ever, and takes a twentieth of the time of a step.
+        pairing: Function that returns the ``Pairing``, evaluated in its first call: without
+            friction it is hardly ever called, and it takes a twentieth of the time of a step.
         D, M, start, angle: See ``Pairing``.
         x, m: Positions of slave and master nodes, shapes (nodes, dim) [length].
         normals: Normals of contact at that state, shape (slave nodes, dim).
@@ -210,12 +207,12 @@ class Partners(ABC):
         return np.asarray(self.D @ o.x - self.M @ o.m)
 
     def vectors(self, o: Any) -> Array:
-        """R of ``arcs``: b_j, or vectors from the pivot, (slave nodes, dim) [length].
+        """Vectors r of ``arcs``: b_j, or those from the pivot, (slave nodes, dim) [length].
 
         Collective between surfaces at the first access to ``o.vectors``.
         """
         if isinstance(o, ObstacleOperators):
-            return o.x - centre_of(o.obstacle)
+            return np.asarray(o.x - o.obstacle.present_pivot)
         r = self.gap_vectors(o)
         return r - self.present[:, None] * o.vectors if self.present.any() else r
 
@@ -261,7 +258,7 @@ class PlanePartners(Partners):
     def doubt(self, o: MortarOperators, turns: tuple[Array, ...], active: Flags) -> Array:
         """Difference between the rotations of ``arcs`` and those that are known, (n,) [radian].
 
-        As ``Rotations.doubt`` where no rigid boundary tells by how much a body has turned. Local.
+        Local. Where no rigid boundary determines the turn of a body, it is ``Rotations.doubt``.
 
         Args:
             o: Operators.
@@ -511,16 +508,11 @@ def rotation_derivative(o: MortarOperators, normals: tuple[Array, Array], weight
     return Block(own[:, None], o.slave.near_dofs[own, : ds.shape[2]], values[:, None])
 
 
-def centre_of(obstacle: Obstacle) -> Array:
-    """Present position of the pivot of an obstacle, shape (dim,) [length]."""
-    return np.asarray(obstacle.pivot + obstacle.place[: obstacle.dim])
-
-
 def find_partners(f: ContactFields) -> PlanePartners | SpacePartners:
     """Partners at the accepted state of some fields, which counts no slip (collective)."""
     c, o, per_weight = f.interface, f.operators, f.per_weight
     none, moves, planes = np.zeros(len(o.x)), np.zeros_like(o.x), c.across_planes
-    feet, place = moves, np.zeros(0)
+    feet, place, in_plane = moves, np.zeros(0), o.slave.dim == 2
     present = per_weight if c.slip_measure == "operators" else none
 
     kept = [o]  # until the pairing is known: operators are large
@@ -535,12 +527,11 @@ def find_partners(f: ContactFields) -> PlanePartners | SpacePartners:
         kept.clear()
         return Pairing(D, M, np.where(present[:, None] != 0.0, 0.0, D @ at.x - M @ at.m), angle)
 
-    in_plane = o.slave.dim == 2
     found: Callable[[], Pairing] = pairing
     if isinstance(o, ObstacleOperators):
         feet, place = o.obstacle.to_own_frame(o.nearest_points()), o.obstacle.place.copy()
         own, no_master = csr_array(eye(len(o.x))), csr_array((len(o.x), 0))
-        found = partial(Pairing, own, no_master, o.x - centre_of(o.obstacle), none)
+        found = partial(Pairing, own, no_master, o.x - o.obstacle.present_pivot, none)
     elif not in_plane:
         found = partial(Pairing, *pairing())
     elif o.slave.comm.size > 1:
@@ -611,7 +602,7 @@ def lead(
     """
     new = (partners.pressure == 0.0) & (not contact.pair.law.bridges_gap)
     at = [outline.indices_of(side.nodes) for side in (contact.slave, contact.master)]
-    slave, master = (arcs.Carried(*(values[i] for values in carried)) for i in at)
+    slave, master = (at_rows(carried, i) for i in at)
     turns = np.concatenate([slave.turn, master.turn])
     if not new.any() or not turns.any() or np.isnan(turns).any():
         return np.zeros(len(new))  # from a start that one side has left only, slip is wrong
@@ -653,7 +644,7 @@ def _place_of(
     x, count = (partners.x, contact.operators.x), 1 + own.max(initial=0)
     loads = partners.pressure, np.where(contact.active, contact.now.z_n, 0.0)
     ends = [
-        arcs.Touching(at, evaluate_normals(contact.slave, at, "opposite")[0],
+        arcs.LoadedNodes(at, evaluate_normals(contact.slave, at, "opposite")[0],
                  contact.slave.nodal_areas * np.maximum(load, 0.0), own + count * other)
         for at, load, other in zip(x, loads, (before, after), strict=True)
     ]  # fmt: skip

@@ -1,44 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Tied pairs: mesh tying of two surfaces with nonmatching meshes.
+"""Tied pairs, and the binding of all pairs to a mesh.
 
-With D and M of the reference configuration, the slave's displacement follows the master's,
-
-    sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
-
-in all components; for further fields see ``tied_rows``. If a jump is prescribed, u_l is the sum
-of the displacement of the master and the jump; if the sides are at a distance, as those of a
-periodic cell, X_m below is the position translated onto the slave. The constraint is linear. With
-linear bulk the matrix of the whole system is constant, and elimination of the slave by
-u_s = D^-1 M u_m results in the symmetric matrix Q^T K Q.
-
-If also D X_s = M X_m, which ``close_gaps`` ensures, the constraint holds for current positions:
-rigid motions are free of stress, and the torques of D^T z and M^T z cancel to rounding (Puso 2004).
-Otherwise the gap vector g = D X_s - M X_m of a faceted curve remains and does not rotate: a
-rotation by an angle a strains the bodies by about a |g| over their size, and the torques of the two
-sides differ by g x z.
-
-A node that is prescribed, or constrained by another pair, would be constrained twice. It carries no
-multiplier, and its function is handed over to its neighbours (Wohlmuth 2000), so that constants are
-reproduced on the whole interface. Where joints meet or end at contact, see below.
-
-Where a joint ends at a contact surface, the corners of the two bodies are merged into one node,
-that of the master. The contact surface is then continuous across the joint.
-
-Nodes that several pairs would constrain: which of the pairs has a multiplier there.
-
-A slave node of a tie that belongs to other ties too, where joints meet, has one multiplier at most:
-that of the tie which covers most of it. It has none if its motion would then depend on itself: of
-the joints around a crosspoint of k bodies k - 1 are independent. The functions without multiplier
-are handed over to their neighbours (Wohlmuth 2000).
-
-A slave node of a tie that is a slave of contacts keeps the multiplier of the tie, and the contacts
-hand their functions over. If the tie yielded, its joint would open there by a few per cent of the
-displacements (by 22 % of an indentation at a joint of 5 facets, instead of 0.2 %).
-
-Nodes that depend on nodes which depend on others cannot be condensed. If the condensed system is
-demanded, no tied node at a crosspoint has a multiplier, nor one that belongs to a contact.
-
-Pairs are bound here to the space of the displacement, and tied gaps are removed from the mesh.
+``Tie`` is a tied pair bound to the space of the displacement. ``bind`` binds all pairs: it chooses
+the pair that has a multiplier at nodes that several would constrain, and removes gaps of ties from
+the mesh.
 """
 
 from __future__ import annotations
@@ -51,6 +16,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, diags, eye
 from scipy.sparse.linalg import spsolve
 
+from fenics_mortar.contact import tied_rows
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import (
     NO_NODES,
@@ -61,14 +27,6 @@ from fenics_mortar.contact.interface import (
     settable,
 )
 from fenics_mortar.contact.pair import ContactPair, TiedPair
-from fenics_mortar.contact.tied_rows import (
-    TiedComponents,
-    TiedField,
-    TiedFields,
-    TiedPart,
-    TiedRows,
-    tied_operators,
-)
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.utils.arrays import HALF_FACET, LAST_DIGITS, ROUNDING, SAME_PLACE, SUM_ROUNDING
@@ -86,7 +44,28 @@ def _refuse_offset(_: Any, lengths: Any) -> None:
 
 
 class Tie(Interface):
-    """One tied pair bound to a displacement space; replicated.
+    """One tied pair of surfaces with nonmatching meshes, bound to a displacement space; replicated.
+
+    With D and M of the reference configuration, the slave's displacement follows the master's,
+
+        sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
+
+    in all components; for further fields see ``tied_rows``. If a jump is prescribed, u_l is the sum
+    of the displacement of the master and the jump; if the sides are at a distance, as those of a
+    periodic cell, X_m below is the position translated onto the slave. The constraint is linear.
+    With linear bulk the matrix of the whole system is constant, and elimination of the slave by u_s
+    = D^-1 M u_m results in the symmetric matrix Q^T K Q.
+
+    If also D X_s = M X_m, which ``close_gaps`` ensures, the constraint holds for current positions:
+    rigid motions are free of stress, and the torques of D^T z and M^T z cancel to rounding (Puso
+    2004). Otherwise the gap vector g = D X_s - M X_m of a faceted curve remains and does not
+    rotate: a rotation by an angle a strains the bodies by about a |g| over their size, and the
+    torques of the two sides differ by g x z.
+
+    A node that is prescribed, or constrained by another pair, would be constrained twice. It
+    carries no multiplier, and its function is handed over to its neighbours (Wohlmuth 2000), so
+    that constants are reproduced on the whole interface. See ``bind`` where joints meet or end at
+    contact.
 
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
@@ -99,12 +78,12 @@ class Tie(Interface):
         open_ends: Slave nodes whose multiplier yielded to that of another pair, (slave nodes,).
     """
 
-    now: TiedFields
-    rows: TiedRows
-    fluxes: list[TiedField]
-    components: TiedComponents
+    now: tied_rows.TiedFields
+    rows: tied_rows.TiedRows
+    fluxes: list[tied_rows.TiedField]
+    components: tied_rows.TiedComponents
 
-    _kind = TiedFields
+    _kind = tied_rows.TiedFields
 
     jump = read_only("now.jump")
     D, M = read_only("displacement.D"), read_only("displacement.M")
@@ -114,25 +93,26 @@ class Tie(Interface):
         """Extract the surfaces and integrate D and M (collective)."""
         super().__init__(pair, space, prescribed)
         self.master = replace(self.master, X=self.master.X + pair.translation)
-        self.rows, self.arm = TiedRows(self), 0.0
+        self.rows, self.arm = tied_rows.TiedRows(self), 0.0
         self._yielded = np.zeros(self.slave.num_nodes, bool)
         self.open_ends = np.zeros(self.slave.num_nodes, bool)
         longest = max(float(side.facet_sizes.max()) for side in (self.slave, self.master))
         points = points_per_segment(pair, self.slave, self.master)
         radius = pair.search_radius or HALF_FACET * longest
         options = pair.discretization.options(self.basis, points, radius)
-        self.options = replace(options, gap_weights="basis", corners=False)
+        self.options = replace(options, gap_weights="basis")
         dim = self.slave.dim
         self.change(z=np.zeros((self.slave.num_nodes, dim + len(pair.fields))))
         sides = [(side, side.dofs) for side in (self.slave, self.master)]
         every_node = np.arange(self.slave.num_nodes)
         free, components = self.free.all(axis=1), np.arange(dim)
-        self.displacement = TiedPart(self, components, sides, every_node, free)
+        self.displacement = tied_rows.TiedPart(self, components, sides, every_node, free)
         self.all_fluxes = self.fluxes = [
-            TiedField(field, c, self, space, prescribed) for c, field in enumerate(pair.fields, dim)
+            tied_rows.TiedField(field, c, self, space, prescribed)
+            for c, field in enumerate(pair.fields, dim)
         ]
         self.parts = [self.displacement, *self.fluxes]
-        self.components = TiedComponents(self)
+        self.components = tied_rows.TiedComponents(self)
         self._integrate()
 
     def _periodic(self, translation: Array) -> str:
@@ -172,7 +152,7 @@ class Tie(Interface):
             raise SurfaceError(
                 f"slave '{self.slave.name}' and master '{self.master.name}' {self._why_untied()}"
             )
-        self.set_operators(tied_operators(part.operators, np.zeros(self.z.shape)))
+        self.set_operators(tied_rows.tied_operators(part.operators, np.zeros(self.z.shape)))
         self.may_carry = part.active
         self.change(active=part.active, multiplier_nodes=part.multiplier_nodes)
         for field in self.fluxes:
@@ -210,6 +190,9 @@ class Tie(Interface):
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2).
+
+        Where a joint ends at a contact surface, the corners of the two bodies are merged into one
+        node, that of the master. The contact surface is then continuous across the joint.
 
         None at a distance, and none in space.
         """
@@ -297,7 +280,13 @@ class Tie(Interface):
 
 
 def drop_crosspoints(ties: Sequence[Tie]) -> None:
-    """Keep one multiplier of each slave node, and none that closes a circle (collective)."""
+    """Keep one multiplier of each slave node, and none that closes a circle (collective).
+
+    A slave node of a tie that belongs to other ties too, where joints meet, has one multiplier at
+    most: that of the tie which covers most of it. It has none if its motion would then depend on
+    itself: of the joints around a crosspoint of k bodies k - 1 are independent. The functions
+    without multiplier are handed over to their neighbours (Wohlmuth 2000).
+    """
     used = [tie.nodes for tie in ties]
     others = [_joined(used[:i] + used[i + 1 :]) for i in range(len(ties))]
     shared = [np.isin(tie.slave.nodes, nodes) for tie, nodes in zip(ties, others, strict=True)]
@@ -355,6 +344,15 @@ def bind(
     chains: bool = True,
 ) -> list[Contact | Tie]:
     """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
+
+    Of several pairs that would constrain a node, one has a multiplier there. Among ties see
+    ``drop_crosspoints``. A slave node of a tie that is a slave of contacts keeps the multiplier of
+    the tie, and the contacts hand their functions over. If the tie yielded, its joint would open
+    there by a few per cent of the displacements (by 22 % of an indentation at a joint of 5 facets,
+    instead of 0.2 %).
+
+    Nodes that depend on nodes which depend on others cannot be condensed. If the condensed system
+    is demanded, no tied node at a crosspoint has a multiplier, nor one that belongs to a contact.
 
     Args:
         pairs: The pairs.

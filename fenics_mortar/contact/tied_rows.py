@@ -1,28 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Operators, fields and rows of a tied pair.
+"""Operators, fields and rows of a tied pair, and the unknowns that it ties.
 
-The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in all components; a
-prescribed jump is included in u_m. Rows of tied fields are their jumps.
-
-A tie's multipliers have the components of the displacement, and one of each tied field.
-
-A displacement of one causes forces of the stiffness k, and so do an amount ``unit`` of the field
-and its residual times ``to_force``. With fluxes scaled by k / (D to_force) and rows of jumps
-weighted by k / (D unit to_force), all entries have the size of those of the bulk in these rows.
-
-Scalar fields of a mixed function that are tied together with the displacement.
-
-A field T has one more component q of the tie's multipliers, its flux from slave to master, with
-
-    sum_k D[j, k] T_k - sum_l M[j, l] T_l = 0,    loads D^T q on the slave and -M^T q on the master.
-
-D and M are integrals over the facets of the tie, but with multiplier nodes of the field: all nodes
-at which it is not prescribed. On a symmetry plane the displacement is prescribed and a temperature
-is not. Since D and M reproduce constants, the fluxes of both sides cancel to rounding.
-
-A field of degree 1 beside a displacement of degree 2 has no dofs inside facets. Its D and M are
-those of linear facets with multipliers at vertices, one for each dof of the slave. With the
-quadratic functions it would have two constraints for each dof.
+``TiedRows`` has the rows of the multipliers, whose ``TiedComponents`` are those of the displacement
+and one of each tied scalar field. Each of these unknowns is a ``TiedPart``, with D and M of its
+own.
 """
 
 from __future__ import annotations
@@ -34,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array, diags
 
+from fenics_mortar.contact.fields import InterfaceFields, field
 from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.interface import Components, acting_entries, blocks_of
-from fenics_mortar.contact.interface_fields import InterfaceFields, field
 from fenics_mortar.contact.rows import Frame, Rows
 from fenics_mortar.interface.faces import surface_of_vertices
 from fenics_mortar.interface.integrals import MortarInput, PlaneOperators, evaluate_mortar
@@ -122,8 +103,11 @@ class TiedFields(InterfaceFields):
 class TiedRows:
     """Rows of a tie: transposed force blocks, so that the system is symmetric.
 
-    The frame consists of ``TiedComponents.idle`` and ``row_weight``. Rows of fields have the
-    unit of their equations, those of displacements are symmetric to the forces.
+    The row of a multiplier node is the jump of the displacement, D u_s - M u_m, in all components;
+    a prescribed jump is included in u_m. Rows of tied fields are their jumps.
+
+    The frame consists of ``TiedComponents.idle`` and ``row_weight``. Rows of fields have the unit
+    of their equations, those of displacements are symmetric to the forces.
     """
 
     def __init__(self, interface: Any) -> None:
@@ -167,6 +151,13 @@ class TiedRows:
 
 class TiedComponents(Components):
     """Components of a tie; constant, arrays have the shape of z (local).
+
+    A tie's multipliers have the components of the displacement, and one of each tied field.
+
+    A displacement of one causes forces of the stiffness k, and so do an amount ``unit`` of the
+    field and its residual times ``to_force``. With fluxes scaled by k / (D to_force) and rows of
+    jumps weighted by k / (D unit to_force), all entries have the size of those of the bulk in these
+    rows.
 
     Attributes:
         dofs: Global dofs of the slave whose equations yield the components.
@@ -246,7 +237,7 @@ class TiedPart:
     Attributes:
         components, sides, at: See the arguments.
         candidates: Nodes that may carry a multiplier, shape (n,), bool.
-        multiplier_nodes: Those of them that are covered and have not yielded to other pairs.
+        multiplier_nodes: Candidates that are covered and have not yielded to other pairs.
         active: Whether a node carries a multiplier, shape (n,), bool.
         D, M: Rows of active nodes, shapes (n, n) and (n, m) [length].
         operators: D and M with the rows of all nodes.
@@ -259,14 +250,16 @@ class TiedPart:
         self.candidates = free & ~(slave.weightless | tie.shared[at])
         if tie.at_vertices:
             self.candidates &= ~slave.inner
+        self.multiplier_nodes = self.candidates
 
     def integrate(self, dropped: Flags) -> None:
         """Integrate D and M at the reference positions (collective).
 
         Args:
-            dropped: Slave nodes of the tie that yielded to other pairs, (slave nodes,), bool.
+            dropped: Slave nodes of the tie that yielded to other pairs, (slave nodes,), bool. The
+                cover of the others is as before.
         """
-        nodes = self.candidates & ~dropped[self.at]
+        nodes = self.multiplier_nodes & ~dropped[self.at]
         o = self.evaluated(nodes)
         uncovered = o.cover < MIN_SHARE * self.sides[0][0].full_cover
         if (nodes & uncovered).any():
@@ -319,7 +312,22 @@ class TiedPart:
 
 
 class TiedField(TiedPart, FieldTraces):
-    """A scalar field tied by a pair; to the linear system a flux, as ``fluxes.Flux``.
+    """A scalar field of a mixed function that a pair ties together with the displacement.
+
+    To the linear system it is a flux, as ``fluxes.Flux``. A field T has one more component q of the
+    tie's multipliers, its flux from slave to master, with
+
+        sum_k D[j, k] T_k - sum_l M[j, l] T_l = 0,
+        loads D^T q on the slave and -M^T q on the master.
+
+    D and M are integrals over the facets of the tie, but with multiplier nodes of the field: all
+    nodes at which it is not prescribed. On a symmetry plane the displacement is prescribed and a
+    temperature is not. Since D and M reproduce constants, the fluxes of both sides cancel to
+    rounding.
+
+    A field of degree 1 beside a displacement of degree 2 has no dofs inside facets. Its D and M are
+    those of linear facets with multipliers at vertices, one for each dof of the slave. With the
+    quadratic functions it would have two constraints for each dof.
 
     Args:
         field: Number of the field's sub-space.

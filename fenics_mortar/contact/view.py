@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Results on a pair: nodal fields along the slave surface, and forces.
+"""What users see of a pair: nodal fields and forces, nodes of its sides, and messages.
 
-The nodes and dofs of its two sides are the rows of D and the columns of M.
-
-Messages on contacts and ties: overlaps, interference, search radius, ties that do little.
+``PairView`` has the results along the slave surface, a ``PairSide`` the nodes of one side. Messages
+are on overlaps, interference, the search radius, friction and ties that do little.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.fields import InterfaceState
     from fenics_mortar.contact.fluxes import NodalFlux
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.contact.interface_fields import InterfaceState
 
 
 @dataclass(frozen=True)

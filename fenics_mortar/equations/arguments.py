@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Checks of the arguments of a problem, and refusal of what problems in space cannot do yet.
+"""Arguments of a problem: their checks, and the thresholds that users do not choose.
 
-Thresholds of initial guesses and of changes of sets, each with its unit and its reason.
+The checks reject arguments of a wrong type, and in space those that belong to the plane.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def check_in_space(given: dict[str, Any], pairs: Sequence[Any]) -> None:
 
 @dataclass(frozen=True)
 class EquationOptions:
-    """Thresholds that are no options of users.
+    """Thresholds of initial guesses and of changes of sets, which are no options of users.
 
     Attributes:
         longest: Largest ratio of a step to the last one [1], for extrapolated loads and load steps.

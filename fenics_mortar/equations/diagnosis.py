@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Messages on the reasons of a failed solve; all functions are collective.
+"""Solves that do not converge: remedies within the iteration, and messages on the reasons.
 
-Among them: bodies on which nothing determines the level of a scalar field, such as a temperature.
-
-Active sets and residuals of the iterations of a solve; remedies for cycles and loose bodies.
+``Remedies`` keeps the active sets and residuals of the iterations, and treats cycles and loose
+bodies. After a failure ``diagnose`` describes what may be wrong. ``check_diagonal`` and
+``describe_isolated`` find what makes the equations singular: nodes without stiffness, and bodies on
+which nothing determines the level of a scalar field, such as a temperature. All public functions
+are collective.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -29,11 +32,12 @@ from fenics_mortar.contact.view import describe_overlap
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.newton.loop import UNSETTLED, decreased
+from fenics_mortar.obstacles.obstacle import is_of_package
+from fenics_mortar.obstacles.rigid_motion import RIGID, at_place
 from fenics_mortar.rigid.body_motions import names_of, pairs_joined
-from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags, Indices
-from fenics_mortar.utils.errors import MortarError, NotFiniteError, format_point
+from fenics_mortar.utils.errors import MortarError, NotFiniteError, call_together, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
@@ -161,7 +165,10 @@ def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: Float
         count = floating.num_parts
         links = list(_conducting(contacts, floating, field))
         group, _ = join_bodies(count + 1, links)
-        resistance = np.bincount(group, _resistance(bulk, *dofs, count), count + 1)
+        resistance = np.bincount(group, _prescribed_parts(bulk, *dofs, count), count + 1)
+        if resistance[group[:count][group[:count] != group[count]]].all():
+            continue
+        resistance += np.bincount(group, _resistance(bulk, *dofs, count), count + 1)
         for label in np.unique(group[:count]):
             if label != group[count] and resistance[label] == 0.0:
                 parts = np.flatnonzero(group == label)
@@ -185,6 +192,9 @@ def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> tuple[Ind
         return None
     cells = floating.parts[compat.dofmap(bulk.V)[:, :1]]
     part_of = np.full(bulk.u.x.array.size, -1)
+    whole = compat.dofmap(bulk.space.whole)
+    if whole.max(initial=-1) < part_of.size:
+        part_of[whole] = cells
     part_of[bulk.space.dofs] = floating.parts[:, None]
     of_field = np.zeros(part_of.size, dtype=bool)
     dofs = numbers[compat.dofmap(Q)]
@@ -192,8 +202,15 @@ def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> tuple[Ind
     return part_of[: bulk.num_owned], of_field[: bulk.num_owned]
 
 
+def _prescribed_parts(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
+    """1 for parts in which the field is prescribed somewhere, else 0, (count + 1,)."""
+    prescribed = of_field & bulk.prescribed[: of_field.size]
+    conditions = np.bincount(part_of[prescribed], minlength=count + 1)
+    return np.where(sum_over_ranks(bulk.comm, conditions) > 0, 1.0, 0.0)
+
+
 def _resistance(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
-    """1 for parts whose equations or conditions resist a constant field, else 0, (count + 1,).
+    """1 for parts whose equations resist a constant field, else 0, (count + 1,).
 
     A pressure is resisted by displacements that are not prescribed, on which it acts and which
     change its equations; temperatures only expand the bodies. The last entry is that of no part.
@@ -202,10 +219,14 @@ def _resistance(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Ar
     bulk.assemble_tangent()
     one, fixed = 1.0 * of_field, bulk.prescribed[: of_field.size]
     moved, transpose = (part_of >= 0) & ~of_field, bulk.K.transpose(PETSc.Mat())
+    displaced = np.zeros(bulk.u.x.array.size, bool)
+    displaced[bulk.space.dofs] = True
     acts, follows = (
         (products(matrix, one[None])[0], row_sizes(matrix, one)) for matrix in (bulk.K, transpose)
     )
     transpose.destroy()
+    if bulk.comm.allreduce(bool(acts[1][of_field].any()), MPI.LOR):  # no multiplier
+        moved &= displaced[: of_field.size]
     rows = [(of_field, acts[0]), (of_field, bulk.K.getDiagonal().array_r)]
     for sums, entries in (acts, follows):
         rows += [(moved & ~fixed, sums), (moved, entries)]
@@ -214,9 +235,7 @@ def _resistance(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Ar
         np.maximum.at(size, part_of[on], np.abs(values[on]))
     sums, entries = largest_over_ranks(bulk.comm, sizes).reshape(3, 2, -1).transpose(1, 0, 2)
     within, acts_on_free, follows_free = sums > ROUNDING * entries
-    conditions = np.bincount(part_of[of_field & fixed], minlength=count + 1)
-    prescribed = sum_over_ranks(bulk.comm, conditions) > 0
-    return np.where(prescribed | within | (acts_on_free & follows_free), 1.0, 0.0)
+    return np.where(within | (acts_on_free & follows_free), 1.0, 0.0)
 
 
 def _conducting(
@@ -295,8 +314,35 @@ def diagnose(equations: Any, recent: Sequence[SetsOfPairs]) -> str:
         first = first or _describe_limits(contacts) or _describe_twice(contacts)
         first = first or _describe_slivers(contacts) or _describe_wavering(contacts, recent)
         first = first or describe_isolated(bulk, contacts, floating)
-    few = bulk.describe_few_points()
-    return "; ".join(filter(None, (first, at_nodes, few, *map(describe_overlap, contacts))))
+    few, behind = _describe_few_points(bulk), _describe_behind(equations)
+    overlaps = [behind] if behind else map(describe_overlap, contacts)
+    return "; ".join(filter(None, (first, at_nodes, few, *overlaps)))
+
+
+def _describe_behind(equations: Any) -> str:
+    """Describe a body that lay wholly behind an obstacle's surface at the start; "" if none."""
+    outline, accepted = equations.crossings.outline, equations.crossings.accepted
+    x, before = accepted.x, dict(zip(equations.motions.obstacles, accepted.places))
+    for contact in equations.contacts:
+        obstacle = contact.obstacle
+        # A user's function need be finite beside its pairs only.
+        if not isinstance(contact, Contact) or obstacle is None or not is_of_package(obstacle):
+            continue
+        bodies = np.unique(outline.bodies_of(contact.slave))
+        at = x[np.isin(outline.bodies, bodies)]
+        what = f"the distance of '{obstacle.name}'"
+        with at_place(obstacle, before.get(obstacle, obstacle.place)):
+            depths = -call_together(outline.comm, what, partial(obstacle.evaluate, at))[0]
+        if (depths > 0.0).all():
+            least, most = int(depths.argmin()), int(depths.argmax())
+            return (
+                f"the whole body of '{contact.slave.name}' lies in the solid of obstacle "
+                f"'{obstacle.name}' at the start of this solve, {depths[least]:.3g} to "
+                f"{depths[most]:.3g} behind its surface, the latter at {format_point(at[most])}: "
+                "the outward normal of an obstacle points to the body, which has to be on that "
+                f"side; move the obstacle back by {depths[most]:.3g}, to where it touches the body"
+            )
+    return ""
 
 
 def describe_inverted(bulk: Bulk) -> str:
@@ -336,7 +382,7 @@ def _describe_twice(contacts: Sequence[Interface]) -> str:
 
 
 def _describe_slivers(contacts: Sequence[Interface]) -> str:
-    """Describe pairs that touch on hardly covered facets alone; "" if there are none (local)."""
+    """Describe pairs that touch only on hardly covered facets; "" if there are none (local)."""
     for contact in contacts:
         if not isinstance(contact, Contact) or contact.obstacle is not None:
             continue
@@ -392,6 +438,15 @@ def _describe_wavering(contacts: Sequence[Interface], recent: Sequence[SetsOfPai
 
 
 def _one_of(contact: Contact, nodes: Indices) -> str:
-    """Where the first of slave ``nodes`` (k,) by place is; numbers depend on the ranks (local)."""
+    """Position of the first of slave ``nodes`` (k,) by place, not by number, as text (local)."""
     first = nodes[np.lexsort(contact.slave.X[nodes].T)[0]]
     return f"one at {format_point(contact.operators.x[first])}"
+
+
+def _describe_few_points(bulk: Bulk) -> str:
+    """Remark on cells that the form does not hold; "" if there are none (collective)."""
+    count, where = bulk.cells.count(bulk.form_points.too_few())
+    return (
+        f"the form has too few points in {count} cells, one at {where}, to resist all of their "
+        "motions: raise quadrature_degree, for displacements of degree 2 to 4"
+    ) * bool(count)

@@ -1,19 +1,9 @@
 # SPDX-License-Identifier: MIT
 """All equations of bodies in contact: evaluation, linearization, one Newton iteration, states.
 
-Residual of the bodies, contact laws and balance of driven motions form one system. Its state
-consists of displacement, multipliers, active sets and places. The class implements the protocols of
-``newton.loop``, ``newton.loop`` and ``rigid.proximal``; linear system, initial guess and model
-are chosen by ``problem`` and ``solver``.
-
-Undo of interrupted or refused solves and set-ups: all is as it was before.
-
-An interruption is a KeyboardInterrupt or any other exception that does not come from the equations,
-such as an error of a user's function. It may occur anywhere and on one rank only; therefore a state
-is restored without communication. Incomplete matrices, factors and solvers are created again at the
-start of the next solve.
-
-State of a problem as a value: all quantities from which a solve starts.
+Residual of the bodies, contact laws and balance of driven motions form one system,
+``ContactEquations``. Its state, a ``State``, consists of displacement, multipliers, active sets and
+places. A solve or a set-up that is interrupted or refused is undone: all is as it was before.
 """
 
 from __future__ import annotations
@@ -39,16 +29,9 @@ from fenics_mortar.rigid.driven import DrivenMotions
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.idle import IdleBodies
 from fenics_mortar.rigid.proximal import AnchoredSprings
+from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import TINY, Array, Value, norms
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotConvergedError,
-    NotFiniteError,
-    check_kind,
-    format_point,
-    together,
-)
 from fenics_mortar.verify.crossing import Crossings, SpaceCrossings
 
 if TYPE_CHECKING:
@@ -56,8 +39,8 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.inertia import Inertia, Rates
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.contact.fields import InterfaceState
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.contact.interface_fields import InterfaceState
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.mortar import Linearization
     from fenics_mortar.la.system import LinearSystem
@@ -126,6 +109,9 @@ class State(Value):
 class ContactEquations:
     """Coupled equations of bodies, contacts and driven motions; all methods are collective.
 
+    The class implements the protocols of ``newton.loop``. Linear system, initial guess and model
+    are chosen by ``problem`` and ``solver``.
+
     Args:
         bulk: Bulk residual and tangent.
         contacts: The pairs bound to the mesh.
@@ -137,7 +123,7 @@ class ContactEquations:
         contacts: The bound pairs.
         motions: Rigid motions of the obstacles of the contacts and of remote loads.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
-        idle: Those of them that no force acts on.
+        idle: Floating bodies on which no force acts.
         residual: Residual of the last evaluated state, and its forces.
         remedies: Remedies if active sets cycle or bodies do not come to rest.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
@@ -147,7 +133,7 @@ class ContactEquations:
         evaluated: Initial guess and result of ``evaluate(start=True)``, for the next solve only.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
-        model_check: An ``ModelCheck`` that follows each solve, or ``None``.
+        model_check: A ``ModelCheck`` that follows each solve, or ``None``.
         reduced_tangent: Returns solves by factors of a linear bulk, or ``None`` (collective).
 
     Raises:
@@ -166,10 +152,12 @@ class ContactEquations:
     ) -> None:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         self.linearization, self.newton = linearization, newton
-        self.motions = DrivenMotions(bulk, contacts, remote)
+        self.motions = motions = DrivenMotions(bulk, contacts, remote)
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
-        self.floating = FloatingBodies(bulk, contacts, self.motions)
+        boundaries = [(load, load.local_nodes) for load in motions.boundaries]
+        sections = {load.tie: load for load in motions.sections}
+        self.floating = FloatingBodies(bulk, contacts, boundaries, sections)
         self.springs = AnchoredSprings(self)
         self.idle = IdleBodies(self.floating)
         self._set_stiffness()
@@ -266,11 +254,11 @@ class ContactEquations:
         for contact in self.floating.contacts if self.bulk.space.dim == 3 else ():
             o = contact.operators
             if np.isnan(o.gap).any():
-                where = format_point(o.x[int(np.isnan(o.gap).argmax())])
+                where = errors.format_point(o.x[int(np.isnan(o.gap).argmax())])
                 names = f"'{contact.slave.name}'"
                 if contact.obstacle is None:
                     names += f", or of '{contact.master.name}' opposite,"
-                raise NotFiniteError(f"facets of {names} are folded at {where}")
+                raise errors.NotFiniteError(f"facets of {names} are folded at {where}")
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -417,8 +405,8 @@ class ContactEquations:
             TypeError: On all ranks, if ``state`` is not a state.
             MortarError: On all ranks, if it is one of another problem.
         """
-        with together(self.comm, "restore"):
-            check_kind("state", state, State, "what state() of the same problem returned")
+        with errors.together(self.comm, "restore"):
+            errors.check_kind("state", state, State, "what state() of the same problem returned")
             same = (
                 state.u.shape == self.bulk.values.shape
                 and state.history.accepted.shape == (self.bulk.history.size,)
@@ -426,16 +414,16 @@ class ContactEquations:
                 and len(state.places) == len(self.motions.movers)
             )
             if not same:
-                raise MortarError(
+                raise errors.MortarError(
                     "the state belongs to another problem: expected a result of state() of this one"
                 )
             if state.rates is not None and self.bulk.inertia is None:
-                raise MortarError(
+                raise errors.MortarError(
                     "the state is one of a motion, and this problem is one of statics: set up the "
                     "same Dynamics of it before restore"
                 )
             if state.rates is None and self.bulk.inertia is not None:
-                raise MortarError(
+                raise errors.MortarError(
                     "the state is one at rest, and this problem has a Dynamics: restore it before "
                     "Dynamics(...) of a new problem, which starts at rest from it"
                 )
@@ -513,7 +501,7 @@ def unchanged_if_refused(u: Any) -> Iterator[None]:
 
 
 class Snapshot:
-    """Snapshot of a problem (local).
+    """State of a problem to which an interrupted solve returns (local).
 
     Args:
         equations: The equations of the problem.
@@ -548,13 +536,18 @@ Kept = tuple[Snapshot, *tuple[str, ...]]
 def restored_if_interrupted(equations: ContactEquations) -> Iterator[list[Kept]]:
     """Context that restores a problem if any exception but ``NotConvergedError`` is raised.
 
+    An interruption is a KeyboardInterrupt or any other exception that does not come from the
+    equations, such as an error of a user's function. It may occur anywhere and on one rank only;
+    therefore a state is restored without communication. Incomplete matrices, factors and solvers
+    are created again at the start of the next solve.
+
     Yields:
         One snapshot, that of the start; another one may take its place in the list.
     """
     kept: list[Kept] = [(Snapshot(equations),)]
     try:
         yield kept
-    except NotConvergedError:
+    except errors.NotConvergedError:
         raise
     except BaseException as error:
         before, *notes = kept[0]

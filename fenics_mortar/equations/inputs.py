@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Checks before each solve of all values that users may set between two solves.
 
-Attributes of laws, obstacles, contacts and options of Newton's method may be set at any time and
-are not guarded individually. Instead each solve starts with a check of all of them: invalid values,
-changes without effect, and values that differ between ranks raise an error on all ranks.
-
-The same for places, loads and pivots of obstacles and remote loads.
+Attributes of laws, obstacles, contacts and options of Newton's method, and places, loads and pivots
+of obstacles and remote loads, may be set at any time and are not guarded individually. Instead each
+solve starts with a check of all of them: invalid values, changes without effect, and values that
+differ between ranks raise an error on all ranks.
 """
 
 from __future__ import annotations
@@ -18,13 +17,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.checks import (
-    check_axis_values,
-    check_radius,
-    have_common_facet,
-    radial_dofs_on_axis,
-    remark_on_thickness,
-)
+from fenics_mortar.bulk import revolution
+from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import BUILT_IN, Law, check_names
@@ -110,7 +104,7 @@ def _check_pivot(mover: RigidMotion, pivot: Array, angle: float) -> None:
 
 
 def check_axial(mover: RigidMotion) -> None:
-    """Reject forces other than axial ones on what is a body of revolution (local).
+    """Reject forces other than axial ones on a mover that is a body of revolution (local).
 
     Raises:
         MortarError: If its radial motion or its rotation is driven, or a load spread so.
@@ -143,8 +137,8 @@ class Inputs:
         ]
         self._remember()
         self._conflicts = Conflicts(bulk)
-        self._begins, self._on_axis = True, radial_dofs_on_axis(bulk.space)
-        self._first = [check_radius(bulk.residual, bulk.u, bulk.space)]
+        self._begins, self._on_axis = True, revolution.radial_dofs_on_axis(bulk.space)
+        self._first = [revolution.check_radius(bulk.residual, bulk.u, bulk.space)]
         self._first += [*remarks_on_ties(contacts, bulk.space), *remarks_on_friction(contacts)]
 
     def check(self, newton: Any, **flags: Any) -> list[str]:
@@ -187,8 +181,10 @@ class Inputs:
                 check_user_gradient(contact)
             bulk, self._begins = self._bulk, False
             slaves = [contact.slave for contact in self._contacts]
-            self._first.append(remark_on_thickness(bulk.residual, bulk.u, bulk.space, slaves))
-        check_axis_values(self._bulk.space, self._bulk.u, self._bulk.bcs, self._on_axis)
+            self._first.append(
+                revolution.remark_on_thickness(bulk.residual, bulk.u, bulk.space, slaves)
+            )
+        revolution.check_axis_values(self._bulk.space, self._bulk.u, self._bulk.bcs, self._on_axis)
         self._remember()
         remarks, self._first = self._first, []
         return [*filter(None, remarks), *self._conflicts.describe()]
@@ -309,7 +305,8 @@ class Conflicts:
 def _options(pair: Any) -> dict[str, str]:
     """Options of a pair that are fixed when a problem is set up (local).
 
-    These are all but the law, and of conductances which ones they are, but not their values.
+    These are all options but the law. Of conductances, which ones they are is fixed, but not their
+    values.
     """
     fixed = {name: value for name, value in vars(pair).items() if name != "law"}
     fixed["fluxes"] = [id(flux) for flux in fixed.get("fluxes", ())]

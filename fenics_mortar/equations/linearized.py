@@ -52,8 +52,7 @@ from fenics_mortar.utils.errors import check_kind, check_same, together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.equations.reduced import ReducedEquations
-    from fenics_mortar.la.system import LinearSystem
+    from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.utils.arrays import Array
 
 
@@ -133,14 +132,14 @@ class LinearizedEquations:
     Valid until the next Newton iteration, since matrix and factors are those of the problem.
 
     Args:
-        equations: The ``ContactEquations``, evaluated.
+        equations: The equations, evaluated.
     """
 
-    def __init__(self, equations: Any) -> None:
+    def __init__(self, equations: ContactEquations) -> None:
         bulk, motions, tangent = equations.bulk, equations.motions, equations.reduced_tangent()
         self._bulk, self._contacts, self._system = bulk, equations.contacts, equations.system
         self._motions = motions
-        self._tangent: LinearSystem | ReducedEquations = tangent or self._system
+        self._tangent = tangent or self._system
         self._shape, self._driven = motions.scales.shape, motions.unknowns
         if tangent is None:
             bulk.assemble_tangent()
@@ -155,7 +154,7 @@ class LinearizedEquations:
 
     @contextmanager
     def _softened(self) -> Iterator[None]:
-        """Within, large conductances are replaced by smaller ones, see ``contact.fluxes``."""
+        """Context in which smaller conductances replace large ones, see ``contact.fluxes``."""
         with ExitStack() as stack:
             for contact in self._contacts:
                 for flux in contact.conductances:
@@ -190,19 +189,17 @@ class LinearizedEquations:
         z, q = [np.zeros_like(part) for part in change.z], np.zeros_like(change.q)
         y[self._bulk.prescribed_dofs] = 0.0
         for i, flux, d in fluxes:
-            obstacle = self._contacts[i].obstacle
-            mover = None if obstacle is None else self._motions.obstacles.index(obstacle)
+            of_obstacle = partial(self._motions.of_obstacle, self._contacts[i])
             if not transpose:
-                motion = np.zeros(0) if mover is None else (change.q * self._motions.scales)[mover]
+                motion = of_obstacle(change.q * self._motions.scales)
                 u += flux.remainder(change.u, change.z[i], motion, d)
                 continue
             on_bodies, of_z, motion = flux.transposed_remainder(y, d)
             u, z[i] = u + on_bodies, z[i] + of_z
-            if mover is not None:
-                q[mover] += motion * self._motions.scales[mover]
+            of_obstacle(q)[...] += motion
         if not transpose:
             u[self._bulk.prescribed_dofs] = 0.0
-        return LinearVector(u, z, q)
+        return LinearVector(u, z, q * self._motions.scales)
 
     def _solved(self, rhs: LinearVector, transpose: bool) -> LinearVector:
         """One solve; prescribed motions are eliminated first, of the transpose computed last."""

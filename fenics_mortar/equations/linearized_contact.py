@@ -1,46 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Active sets of bodies supported by contact, from the linearized contact problem.
+"""Active sets from the linearized contact problem, and sticks that are redundant in active sets.
 
-Stiff bodies supported by contact alone undergo only small elastic displacements if the active set
-is correct. With another set some bodies are loose, and a Newton step moves them far. An active-set
-iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a mechanism. This
-module solves the linearized problem together with its inequalities, reduced to the multipliers by
-the compliance of all bodies, see ``rigid.complementarity``. The next Newton step uses the active
-set and branches of this solution. With friction the solution may not be unique. If no body floats,
-it is the one at the end of the load path from the accepted state. If nodes only open and close, a
-solution beyond a turning point of this path may be used, at the end of a snap-through.
-
-The compliance needs one linear solve for each multiplier component of all nodes that may touch. It
-is therefore computed only if the active set does not converge.
-
-The compliance of a floating body is that of the elastic body on springs, corrected by a low-rank
-term that weakens the springs on its rigid motions. Without this correction, with weak springs in
-the stiffness, the stiffness of a body that is unstable under its loads, such as an inverted
-pendulum, would not be positive definite.
-
-Redundant stick: nodes whose stick already follows from other constraints.
-
-A closed gap and stick are one constraint each. If several pairs share nodes, stick constraints may
-depend on other constraints. Examples: the two closed gaps of a groove fix a node completely; a
-facet of body C across the joint of A and B keeps the corners of both on one line; where four blocks
-meet, two of the four sticks close a loop. The shear is then not unique, and the linear system is
-singular, or nearly singular if a gap opens by rounding.
-
-A redundant node sticks elastically with k = 1000 k_j,
-
-    z_tau = z_tau,old + (k / l_j) u,      u: slip since the last accepted state,
-
-up to the friction limit. As long as the stick is redundant, u vanishes up to the curvature of the
-constraints, and the shear is constant: among all admissible shears it is the one nearest to the
-last. If the stick is no longer redundant, for example if one flank of a groove moves, u is a true
-slip, and the node soon slides.
-
-In space a node sticks along two tangents; it is redundant if one of both sticks is.
-
-Dependence is found from the rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) at the last accepted
-state. A row whose slave node belongs to no other pair cannot be part of a vanishing sum. Only rows
-of shared slave nodes are therefore compared, a few per corner. The curves of a surface that may
-touch itself count as pairs: at a junction of cracks, nodes belong to two of them.
+``LinearizedContact`` finds sets for Newton's method where its own do not settle. ``Redundancy``
+marks redundant sticks of the present sets, in each iteration and for the linearized problem.
 """
 
 from __future__ import annotations
@@ -61,6 +23,7 @@ from fenics_mortar.contact.rows import strength
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.la.solver import column_groups, factored_bulk
 from fenics_mortar.la.sparse import BlockMatrix
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.rigid.complementarity import (
     FrictionProblem,
     Sets,
@@ -68,7 +31,6 @@ from fenics_mortar.rigid.complementarity import (
     follow_loads,
     solve_friction,
 )
-from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import SAME_PLACE, SOLVED, Array, Flags, Indices
 
@@ -83,7 +45,11 @@ PREFIX = "fenics_mortar_settling_"
 def displacements(bulk: Bulk, floating: FloatingBodies, forces: Array) -> Array:
     """Displacements [length] of all bodies due to forces [stress length], both (owned dofs, k).
 
-    With weak springs on floating bodies, which are added to the assembled tangent (collective).
+    The compliance of a floating body is that of the elastic body on springs, corrected by a
+    low-rank term that weakens the springs on its rigid motions. Without this correction, with weak
+    springs in the stiffness, the stiffness of a body that is unstable under its loads, such as an
+    inverted pendulum, would not be positive definite. The springs are added to the assembled
+    tangent (collective).
     """
     springs = np.zeros(bulk.num_owned)
     motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
@@ -116,6 +82,19 @@ def displacements(bulk: Bulk, floating: FloatingBodies, forces: Array) -> Array:
 
 class LinearizedContact:
     """The linearized contact problem at the present state; all methods are collective.
+
+    Stiff bodies supported by contact alone undergo only small elastic displacements if the active
+    set is correct. With another set some bodies are loose, and a Newton step moves them far. An
+    active-set iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a
+    mechanism. This class solves the linearized problem together with its inequalities, reduced to
+    the multipliers by the compliance of all bodies, see ``rigid.complementarity``. The next Newton
+    step uses the active set and branches of this solution. With friction the solution may not be
+    unique. If no body floats, it is the one at the end of the load path from the accepted state. If
+    nodes only open and close, a solution beyond a turning point of this path may be used, at the
+    end of a snap-through.
+
+    The compliance, see ``displacements``, needs one linear solve for each multiplier component of
+    all nodes that may touch. It is therefore computed only if the active set does not converge.
 
     Args:
         equations: The ``ContactEquations``; tangent and residual of the bodies are assembled.
@@ -160,7 +139,7 @@ class LinearizedContact:
         """Solve the linearized problem; adopt its active sets, branches and multipliers.
 
         Args:
-            mark: Function that marks redundant sticks of the present sets, see above. The
+            mark: Function that marks redundant sticks of the present sets, see ``Redundancy``. The
                 problem is solved again with elastic stick at these nodes until no further stick is
                 redundant.
             snap: Whether a solution beyond a turning point of the load path may be used.
@@ -213,14 +192,10 @@ class LinearizedContact:
         """Sets, scaled multipliers and gaps of ``nodes`` at the accepted state (local)."""
         parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
-            last, o = contact.partners, contact.operators
-            multipliers = (
-                np.stack([last.pressure, last.shear])[:, j] / contact.components.scale[j, 0]
-            )
-            gap = (
-                np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
-            )
-            parts.append([*multipliers, gap * contact.stiffness[j] / self._stiffest])
+            last, o, scale = contact.partners, contact.operators, contact.components.scale[j, 0]
+            gap = np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j]
+            gap = gap * o.weight[j] / o.diagonal[j] * contact.stiffness[j] / self._stiffest
+            parts.append([*np.stack([last.pressure, last.shear])[:, j] / scale, gap])
         z_n, z_tau, gap = np.concatenate(parts, axis=1)
         slides = np.abs(z_tau) >= (1.0 - SOLVED) * slope * z_n
         branch = np.where(slides, np.sign(z_tau), 0.0).astype(np.int64)
@@ -233,9 +208,8 @@ class LinearizedContact:
             self._contacts, nodes, *(np.split(column, ends) for column in found), strict=True
         ):
             active, branch, z_n, z_tau = sets
-            o, j = contact.operators, j[active]
+            o, j, branches = contact.operators, j[active], contact.branch
             all_active, z = np.zeros_like(contact.active), np.zeros_like(contact.z)
-            branches = contact.branch
             all_active[j] = True
             force = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
             z[j] = contact.components.scale[j] * force
@@ -247,15 +221,14 @@ class LinearizedContact:
     def _with_elastic_sticks(
         self, problem: FrictionProblem, nodes: Sequence[Indices]
     ) -> FrictionProblem:
-        """The problem with elastic redundant sticks, see above (local)."""
+        """The problem with elastic redundant sticks, see ``Redundancy`` (local)."""
         V, q, n = problem.V.copy(), problem.q.copy(), problem.slope.size
         parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
-            row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
+            row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC / self._stiffest
             shear = (contact.partners.shear / contact.components.scale[:, 0])[j]
             parts.append(np.stack([row, shear]) * contact.redundant[j])
         elastic, shear = np.concatenate(parts, axis=1)
-        elastic = elastic / self._stiffest
         V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= elastic
         q[n:] += elastic * shear
         return problem._replace(V=V, q=q)
@@ -264,11 +237,8 @@ class LinearizedContact:
         """The linearized problem of all nodes that may touch, and these nodes of each contact."""
         kept = [contact.state for contact in self._contacts]
         for contact in self._contacts:
-            contact.change(
-                active=_may_touch(contact),
-                branch=np.full_like(contact.branch, STICK),
-                redundant=np.zeros_like(contact.redundant),
-            )
+            stick, none = np.full_like(contact.branch, STICK), np.zeros_like(contact.redundant)
+            contact.change(active=_may_touch(contact), branch=stick, redundant=none)
         nodes = [contact.active_nodes for contact in self._contacts]
         try:
             return self._problem_of(nodes), nodes
@@ -281,8 +251,7 @@ class LinearizedContact:
         E, ties = self._directions(nodes), self._tied()
         A = np.concatenate([E, ties])
         used = np.flatnonzero(A.any(axis=0))
-        V, y = self._gaps(used)
-        A = A[:, used]
+        (V, y), A = self._gaps(used), A[:, used]
         V, y = A @ V @ A.T, A @ y
         if len(ties):
             c, t = slice(0, len(E)), slice(len(E), None)
@@ -294,8 +263,7 @@ class LinearizedContact:
             slopes.append(strength(contact.now, pressure)[0][j])
             rows.append(_slip_weight(contact, j))
         # Weights of the rows of slip that make the compliance symmetric.
-        weight = np.concatenate([np.ones(len(E) // 2), *rows])
-        weight /= self._stiffest
+        weight = np.concatenate([np.ones(len(E) // 2), *rows]) / self._stiffest
         return FrictionProblem(weight[:, None] * V, weight * y, np.concatenate(slopes))
 
     def _typical_pressure(self) -> float:
@@ -346,10 +314,10 @@ class LinearizedContact:
         for contact, columns in self._numbered:
             if contact.obstacle is None:
                 continue
-            number = motions.obstacles.index(contact.obstacle)
             _, M_q, _ = contact.operators.motion_force_derivatives(contact.z)
-            by_motion[number][:, columns] = np.moveaxis(contact.rows.by_motions(), 2, 0)
-            by_pressure[number][:, columns] = M_q * contact.components.scale
+            rows, forces = (motions.of_obstacle(contact, a) for a in (by_motion, by_pressure))
+            rows[:, columns] = np.moveaxis(contact.rows.by_motions(), 2, 0)
+            forces[:, columns] = M_q * contact.components.scale
         by_motion = by_motion[driven][:, used] / (RIGID.weakest_spring * self._stiffest)
         V -= by_motion.T @ by_pressure[driven][:, used]
         balance = motions.obstacle_forces() - motions.residual()[: len(driven)]
@@ -405,6 +373,29 @@ DEPENDENT = 0.1
 
 class Redundancy:
     """Search for redundant sticks of all pairs; replicated, all methods are local.
+
+    A closed gap and stick are one constraint each. If several pairs share nodes, stick constraints
+    may depend on other constraints. Examples: the two closed gaps of a groove fix a node
+    completely; a facet of body C across the joint of A and B keeps the corners of both on one line;
+    where four blocks meet, two of the four sticks close a loop. The shear is then not unique, and
+    the linear system is singular, or nearly singular if a gap opens by rounding.
+
+    A redundant node sticks elastically with k = 1000 k_j,
+
+        z_tau = z_tau,old + (k / l_j) u,      u: slip since the last accepted state,
+
+    up to the friction limit. As long as the stick is redundant, u vanishes up to the curvature of
+    the constraints, and the shear is constant: among all admissible shears it is the one nearest to
+    the last. If the stick is no longer redundant, for example if one flank of a groove moves, u is
+    a true slip, and the node soon slides.
+
+    In space a node sticks along two tangents; it is redundant if one of both sticks is.
+
+    Dependence is found from the rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) at the last
+    accepted state. A row whose slave node belongs to no other pair cannot be part of a vanishing
+    sum. Only rows of shared slave nodes are therefore compared, a few per corner. The curves of a
+    surface that may touch itself count as pairs: at a junction of cracks, nodes belong to two of
+    them.
 
     Args:
         interfaces: All pairs.

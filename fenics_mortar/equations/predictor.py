@@ -1,60 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Initial guess of a load step: the last state, or an extrapolation of the last states.
+"""Initial guess of a solve: extrapolation of the last states.
 
-Displacements, multipliers and motions driven by forces are extrapolated: linearly, or, where
-contact moves along a body by half a facet or more per step, in a frame that moves with it, see
-``MovingFrame``. After extrapolation, most nodes have entered or left the contact before the first
-iteration. On straight parts of a path, linear extrapolation saves about one iteration per step;
-quadratic extrapolation does not save more, since states have kinks where nodes pass facets. If
-contact slides by whole facets with friction, linear extrapolation fails, and the moving frame saves
-two to seven iterations.
-
-The kind of the last step is used again without a comparison while its residual does not increase.
-The extrapolation is rejected if its residual is larger than at the last state, as where the path
-turns. It is abandoned if the first iteration from linear extrapolation hardly reduces the residual,
-or after too many iterations: consecutive states are then unrelated. In this case the step restarts
-from the last state, and the next one, two, four, ... steps use no guess of that kind.
-
-Initial guess of bodies whose prescribed values turn: the whole body turns with them.
-
-Newton's method starts from the last state, where only prescribed nodes are elsewhere. If these turn
-by more than some degrees, as the hub of an arm, the cells beside them are distorted so much that
-the iteration may fail. A body that follows rigidly has the stresses and the contact pressures that
-it had before, turned.
-
-Extrapolation of states in a frame that moves with the contact.
-
-If contact slides or rolls along a body by a facet or more per step, a node of that body is ahead of
-the contact in one state, in contact in the next and behind it afterwards. Extrapolation of nodal
-displacements then fails. In a frame that moves with the contact, displacements change little. Let
-X_c be the position of a contact on the undeformed body, the mean of its nodes weighted by their
-forces, and s its change in the last step, of length 1. The guess for a step of length r is
-
-    u(X) = v + r (v - w),    v = u_n(X - r s),    w = u_(n-1)(X - (1 + r) s),
-
-which is linear extrapolation for s = 0; multipliers likewise along the slave surface. States are
-interpolated linearly on triangles between the body's nodes. Where X - r s or X - (1 + r)
-s is outside the body, linear extrapolation is used. The ends of a long body are hardly affected by
-contact in its middle. The surface of a round body is affected, and rolling bodies do not benefit
-from the frame.
-
-Measured on shallow ironing with friction, 80 facets on the block: steps of one facet take 6
-iterations from linear extrapolation or the last state, steps of three facets 11; from this guess 3
-and 4.
-
-Successive solves as a load path: if loads continue, the last two states are extrapolated.
-
-A user's loop that changes loads and solves is a load path without time. The length of the next step
-follows from the loads: each prescribed value, constant and function of the forms, obstacle and
-offset has to change along its last change, all by the same ratio. The guess is the last state if
-
-- nothing changed, or loads change direction, reverse, start or stop;
-- a step is more than twice as long as the last one;
-- a law was changed;
-- the present state is not the result of the last solve;
-- the bodies have inertia.
-
-Otherwise the guess is extrapolated, if its residual is smaller than that of the last state.
+``Predictor`` extrapolates the states of a path, linearly or in a ``MovingFrame``; ``Continuation``
+does so for the solves of a user's loop.
 """
 
 from __future__ import annotations
@@ -69,22 +17,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fenics_mortar.bulk.cells import Triangles, triangulate
-from fenics_mortar.contact.arcs import Carried, carried_by, moved_by
 from fenics_mortar.contact.contact import Contact, begin_step
 from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.loop import NewtonReport, then_solve
-from fenics_mortar.obstacles.rigid_motion import TURNS
-from fenics_mortar.rigid.body_motions import by_body
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import NotConvergedError, as_text
-from fenics_mortar.utils.ranks import agreed, on_all_ranks, sum_over_ranks
-from fenics_mortar.verify.node_paths import STRETCHED, RigidPath, path_of
+from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.bodies import FloatingBody
     from fenics_mortar.equations.general import ContactEquations, State
     from fenics_mortar.interface.curve_surface import Curve
 
@@ -100,6 +42,25 @@ class _Side(NamedTuple):
 
 class MovingFrame:
     """Positions of contacts on bodies, and extrapolation of states in the moving frame.
+
+    If contact slides or rolls along a body by a facet or more per step, a node of that body is
+    ahead of the contact in one state, in contact in the next and behind it afterwards.
+    Extrapolation of nodal displacements then fails. In a frame that moves with the contact,
+    displacements change little. Let X_c be the position of a contact on the undeformed body, the
+    mean of its nodes weighted by their forces, and s its change in the last step, of length 1. The
+    guess for a step of length r is
+
+        u(X) = v + r (v - w),    v = u_n(X - r s),    w = u_(n-1)(X - (1 + r) s),
+
+    which is linear extrapolation for s = 0; multipliers likewise along the slave surface. States
+    are interpolated linearly on triangles between the body's nodes. Where X - r s or X - (1 + r) s
+    is outside the body, linear extrapolation is used. The ends of a long body are hardly affected
+    by contact in its middle. The surface of a round body is affected, and rolling bodies do not
+    benefit from the frame.
+
+    Measured on shallow ironing with friction, 80 facets on the block: steps of one facet take 6
+    iterations from linear extrapolation or the last state, steps of three facets 11; from this
+    guess 3 and 4.
 
     Args:
         problem: Its equations.
@@ -231,7 +192,22 @@ class _Kind:
 
 
 class Predictor:
-    """Extrapolation of the accepted states of a problem.
+    """Initial guess of a load step: the last state, or an extrapolation of the last states.
+
+    Displacements, multipliers and motions driven by forces are extrapolated: linearly, or, where
+    contact moves along a body by half a facet or more per step, in a frame that moves with it, see
+    ``MovingFrame``. After extrapolation, most nodes have entered or left the contact before the
+    first iteration. On straight parts of a path, linear extrapolation saves about one iteration per
+    step; quadratic extrapolation does not save more, since states have kinks where nodes pass
+    facets. If contact slides by whole facets with friction, linear extrapolation fails, and the
+    moving frame saves two to seven iterations.
+
+    The kind of the last step is used again without a comparison while its residual does not
+    increase. The extrapolation is rejected if its residual is larger than at the last state, as
+    where the path turns. It is abandoned if the first iteration from linear extrapolation hardly
+    reduces the residual, or after too many iterations: consecutive states are then unrelated. In
+    this case the step restarts from the last state, and the next one, two, four, ... steps use no
+    guess of that kind.
 
     Args:
         problem: Its equations.
@@ -367,7 +343,7 @@ class Predictor:
     def _solve_from_guess(
         self, kind: _Kind, here: State, solve: Callable[[], NewtonReport]
     ) -> Callable[[], NewtonReport]:
-        """Solve; if convergence is poor, return to ``here``; what is left, see ``attempt``."""
+        """Solve; if convergence is poor, return to ``here``. The rest of it, see ``attempt``."""
         options = self._problem.newton
         few = min(EQUATIONS.max_guess_iterations, options.max_iterations)
         cautious = replace(options, tentative=True, max_remaining=kind.max_left, max_iterations=few)
@@ -385,145 +361,6 @@ class Predictor:
         kind.failed()
         self._problem.restore(here)
         return partial(then_solve, abandoned, solve)
-
-
-# Rotation of prescribed nodes [radian], 6 degrees, below which bodies do not follow them: Newton's
-# method needs few iterations then.
-TURNED = 0.1
-
-# Difference of motions over their size [1] up to which a body rides on another one.
-FOLLOWS = 1e-3
-
-
-def turns_of_prescribed(e: ContactEquations) -> dict[int, RigidPath]:
-    """Rigid motions of prescribed nodes to their values, of the bodies that turn (collective)."""
-    bulk, dofs = e.bulk, e.bulk.space.owned_dofs
-    values = bulk.values_as_prescribed()
-    led = np.flatnonzero(bulk.prescribed[dofs].all(axis=1))
-    x, change = bulk.positions()[led], (values - bulk.values)[dofs[led]]
-    parts = e.comm.allgather((e.floating.labels[led], x, x + change))
-    bodies, x0, x1 = (np.concatenate(column) for column in zip(*parts, strict=True))
-    found = {}
-    for body in np.unique(bodies).tolist():
-        motion = path_of(x0[bodies == body], x1[bodies == body], STRETCHED)
-        if abs(motion.angle) > TURNED:
-            found[body] = motion
-    return found
-
-
-def with_followers(e: ContactEquations, motions: dict[int, RigidPath]) -> dict[int, RigidPath]:
-    """Rigid motions, and those of bodies that contact carries along if these turn (collective).
-
-    Without slip at nodes that touch at the accepted state, as far as possible by the size of their
-    forces. A body that moves there as one that is led takes its motion; centres of others, such as
-    rollers, move on straight lines.
-
-    Args:
-        e: The equations at the start of the step; rigid boundaries driven by forces are moved.
-        motions: Rigid motions of prescribed nodes, see ``turns_of_prescribed``.
-    """
-    bodies, contacts = e.floating.bodies, e.floating.contacts
-    rubs = any(contact.pair.law.has_friction for contact in contacts)
-    led = e.crossings.led.carried_from_here() if bodies and rubs else None
-    if led is None or not (led.turn.any() or _moves(contacts, led)):
-        return motions
-    rates, given = zip(*(_at_contact(e, contact, led) for contact in contacts), strict=True)
-    A, b = np.concatenate(rates, axis=1).T, np.concatenate(given)
-    told = np.isfinite(b)  # not where the prescribed nodes of a body do not move as one
-    A, b = A[told], b[told]
-    factors = agreed(e.comm, np.linalg.lstsq(A, -b, rcond=FOLLOWS)[0])
-    found = dict(motions)
-    for body, own in zip(bodies, by_body(bodies, factors), strict=True):
-        motion = _as_followed(e, body, own @ body.motions, led)
-        if motion is not None:
-            found[body.label] = motion
-            body.move_loads(own)
-    return found
-
-
-def _moves(contacts: list[Contact], led: Carried) -> bool:
-    """Whether pivots of led bodies or obstacles move (local)."""
-    obstacles = [(c.obstacle.place, c.partners.place) for c in contacts if c.obstacle is not None]
-    return any((end != start).any() for end, start in [(led.end, led.start), *obstacles])
-
-
-def _at_contact(e: ContactEquations, contact: Contact, led: Carried) -> tuple[Array, Array]:
-    """Motions of nodes that touch past what they face, times roots of their forces (collective).
-
-    Returns:
-        Those by the motions of floating bodies, (motions, rows), and by led ones, (rows,).
-    """
-    partners, bodies = contact.partners, e.floating.bodies
-    at = np.flatnonzero(partners.pressure > 0.0)
-    size = np.sqrt(partners.pressure * contact.slave.nodal_areas)[at][:, None]
-    normals = evaluate_normals(contact.slave, partners.x, "opposite")[0][at]
-    sides = (contact.slave, partners.x), (contact.master, partners.m)
-    past = []
-    for side, x in sides:
-        nodes, parts = e.crossings.outline.indices_of(side.nodes), e.floating.parts_of(side)
-        moved = [Carried(*(values[nodes] for values in led))._replace(x=x).velocity()[None]]
-        moved += [body.displacement(x, parts) for body in bodies]
-        past.append(np.concatenate(moved))
-    facing = partners.M[at]
-    rows = np.array([slave[at] - facing @ other for slave, other in zip(*past, strict=True)])
-    if contact.obstacle is not None:
-        foot = carried_by(contact.obstacle, partners.place, partners.feet)
-        rows[0] -= foot._replace(x=partners.x).velocity()[at]
-    if not contact.pair.law.has_friction:
-        rows = (rows * normals).sum(axis=2, keepdims=True)
-    rows = (size * rows).reshape(len(rows), -1)
-    return rows[1:], rows[0]
-
-
-def _as_followed(
-    e: ContactEquations, body: FloatingBody, rates: Array, led: Carried
-) -> RigidPath | None:
-    """Rigid motion of a floating body by its rates; ``None`` if it does not turn (local)."""
-    dim = len(body.centre)
-    shift, turn = np.split(rates[: dim + len(TURNS[dim])], [dim])
-    turn = turn / body.size
-    if not TURNED < np.linalg.norm(turn) < np.pi:
-        return None
-    start = e.crossings.accepted.x[e.crossings.led.bodies == body.label].mean(axis=0)
-    here = led._replace(x=np.broadcast_to(start, led.x.shape))
-    own = shift + moved_by(turn, (start - body.centre)[None])[0]
-    apart = norms(here.velocity() - own) + body.size * norms(led.turn - turn)
-    nearest = int(apart.argmin())
-    if apart[nearest] <= FOLLOWS * body.size * float(np.linalg.norm(turn)):
-        return RigidPath(led.start[nearest], led.end[nearest], turn)
-    return RigidPath(start, start + own, turn)
-
-
-def turn(e: ContactEquations, motions: dict[int, RigidPath], *, followed: bool) -> None:
-    """Move bodies along with their prescribed nodes (collective).
-
-    Multipliers of slave nodes turn with their bodies; slip is counted from the accepted state.
-
-    Args:
-        e: The equations at the start of the motions; displacements and multipliers are changed.
-        motions: Rigid motions by body.
-        followed: Whether bodies are among them that contact alone supports. Without, multipliers
-            vanish where contact has moved on: where gaps exceed what the pressure compresses.
-    """
-    bulk, dofs, x = e.bulk, e.bulk.space.dofs, e.bulk.positions()
-    values = bulk.values_as_prescribed()
-    for body, motion in motions.items():
-        mine = e.floating.labels == body
-        at, moved = dofs[mine], motion.carry(x[mine], 1.0) - x[mine]
-        bulk.values[at] = np.where(bulk.prescribed[at], values[at], bulk.values[at] + moved)
-    for contact in e.contacts:
-        z, bodies = contact.z.copy(), e.floating.labels_of(contact.slave)
-        for body, motion in motions.items():
-            z[bodies == body] = motion.turned(z[bodies == body], 1.0)
-        contact.change(z=z)
-    if followed:
-        return
-    weights = [contact.c_n for contact in e.contacts]
-    for contact in e.contacts:
-        contact.change(c_n=1.0)
-    e.evaluate_contacts(start=True)  # after an error the state is restored, with its weights
-    for contact, c_n in zip(e.contacts, weights, strict=True):
-        contact.change(c_n=c_n)
 
 
 # Attributes of an interface's state that a user may have changed since the last solve.
@@ -550,7 +387,20 @@ def loads_of(e: ContactEquations) -> Loads:
 
 
 class Continuation:
-    """The last two accepted states of a problem and their loads.
+    """Successive solves as a load path: if loads continue, the last two states are extrapolated.
+
+    A user's loop that changes loads and solves is a load path without time. The length of the next
+    step follows from the loads: each prescribed value, constant and function of the forms, obstacle
+    and offset has to change along its last change, all by the same ratio. The guess is the last
+    state if
+
+    - nothing changed, or loads change direction, reverse, start or stop;
+    - a step is more than twice as long as the last one;
+    - a law was changed;
+    - the present state is not the result of the last solve;
+    - the bodies have inertia.
+
+    Otherwise the guess is extrapolated, if its residual is smaller than that of the last state.
 
     Args:
         equations: The equations of the problem.

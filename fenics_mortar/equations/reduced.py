@@ -1,41 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Linear bulk with one factorization: Newton's method on the contact dofs alone.
 
-For constant symmetric K the displacement is linear in the contact forces q on the dofs S of the
-surfaces and in the prescribed values of the dofs H. After a full step the residual is r_S = -q and
-zero elsewhere, and the next step is
-
-    dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
-
-where d_S is the step without contact force and A = (K^-1)_SS the compliance, a dense matrix on rank
-0. This small system is equivalent to the large one. The step without contact force is
-
-    d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
-
-with the free dofs F and I = F without S. The last term is nonzero for new loads only. A is the
-inverse of the Schur complement of K on S. Products of W with earlier changes of prescribed values
-are stored; few of these are independent along a path. The displacement inside the bodies is
-computed at the end of Newton's method.
-
-Solves with the tangent of a linear bulk that is factored once, or with its transpose.
-
-The equations of ``linearized`` on the free dofs are
-
-    K u + K_c u + B^T z = f - K_H u_H,        C u + A_z z = h.
-
-On the contact dofs they are the dense system of displacements and multipliers
-
-    u + A (K_c u + B^T z) = d,        C u + A_z z = h,
-
-with the displacement d without contact forces. One solve with K and the forces of its solution
-yields u elsewhere. The transposed equations have the same form: K_c^T replaces K_c, C^T
-replaces B^T, B replaces C, and A_z^T replaces A_z. The values at prescribed dofs are computed last.
-
-The dense system contains the multipliers with displacements in their rows, C. Multipliers of other
-nodes, most of them open, are computed separately: for A x = b before it, since they exert forces,
-and for A^T y = b after it, since they depend on the displacements.
-
-Choice between all equations and those reduced to the contact dofs of a linear bulk.
+``LinearBulk`` chooses, before each solve, between all equations and those reduced to the contact
+dofs, ``ReducedEquations``. Their linear systems are dense, see ``solve_dense``.
 """
 
 from __future__ import annotations
@@ -96,6 +63,12 @@ def solve_dense(
 ) -> tuple[Array, Array, Array]:
     """Solve the dense system for some multipliers, the others being zero (local).
 
+    Displacements and multipliers on the contact dofs satisfy
+
+        u + A (K_c u + B^T z) = d,        C u + A_z z = h,
+
+    with the displacement d without contact forces.
+
     Args:
         A: Compliance, symmetric, (size, size) [1 / stress].
         matrices: The matrices.
@@ -152,6 +125,22 @@ def solve_alone(A_z: coo_array, alone: Indices, rhs: Array) -> Array:
 
 class ReducedEquations:
     """Equations for ``newton.loop.solve``, and linear solves with their tangent, by factors of K.
+
+    For constant symmetric K the displacement is linear in the contact forces q on the dofs S of the
+    surfaces and in the prescribed values of the dofs H. After a full step the residual is r_S = -q
+    and zero elsewhere, and the next step is
+
+        dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
+
+    where d_S is the step without contact force and A = (K^-1)_SS the compliance, a dense matrix on
+    rank 0. This small system is equivalent to the large one. The step without contact force is
+
+        d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
+
+    with the free dofs F and I = F without S. The last term is nonzero for new loads only. A is the
+    inverse of the Schur complement of K on S. Products of W with earlier changes of prescribed
+    values are stored; few of these are independent along a path. The displacement inside the bodies
+    is computed at the end of Newton's method.
 
     All methods are collective.
 
@@ -331,7 +320,21 @@ class ReducedEquations:
 
     @clock("solve")
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
-        """Solve A x = b, or A^T x = b, as ``LinearSystem.solve`` [its units] (collective)."""
+        """Solve A x = b, or A^T x = b, as ``LinearSystem.solve`` [its units] (collective).
+
+        The equations of ``linearized`` on the free dofs are
+
+            K u + K_c u + B^T z = f - K_H u_H,        C u + A_z z = h.
+
+        On the contact dofs they are the system of ``solve_dense``. One solve with K and the forces
+        of its solution yields u elsewhere. The transposed equations have the same form: K_c^T
+        replaces K_c, C^T replaces B^T, B replaces C, and A_z^T replaces A_z. The values at
+        prescribed dofs are computed last.
+
+        The dense system contains the multipliers with displacements in their rows, C. Multipliers
+        of other nodes, most of them open, are computed separately: for A x = b before it, since
+        they exert forces, and for A^T y = b after it, since they depend on the displacements.
+        """
         system, prescribed = self._system, self._bulk.prescribed_dofs
         f, h = system.split(b)
         given, f[prescribed] = f[prescribed], 0.0
@@ -372,7 +375,7 @@ class ReducedEquations:
 
 
 class LinearBulk:
-    """Choice, before each solve, between all dofs and the contact dofs alone.
+    """Choice, before each solve, between all equations and those reduced to the contact dofs.
 
     Problems with driven obstacles, or with a body that only ties hold, whose K is singular, are
     solved on all dofs.
@@ -381,8 +384,8 @@ class LinearBulk:
         general: The general equations.
         requested: Whether to reduce. ``None``: if the residual is linear and the predicted cost of
             the compliance is below the past and future cost of iterations with all dofs, with no
-            more memory, see ``la.options``. In space that of the dense systems counts as well,
-            which the active nodes determine: all nodes, until they are known.
+            more memory, see ``la.options``. In space the cost of the dense systems counts as well.
+            It depends on the active nodes: all nodes, until they are known.
         prefix: Prefix of PETSc's options.
 
     Attributes:
@@ -434,7 +437,7 @@ class LinearBulk:
         return self._equations, [self._general.system.solver.describe_unused(reduced=True)]
 
     def _say_refused(self, why: str) -> None:
-        """Set ``choice``, with the reason for which all dofs are solved for (local)."""
+        """Set ``choice``, with the reason why all dofs are solved for (local)."""
         self.choice = f"linear bulk factored in every iteration: {why}"
 
     def tangent(self) -> ReducedEquations | None:

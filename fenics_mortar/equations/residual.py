@@ -1,34 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Residual of all equations: forces of bodies, contacts and driven motions, and their norm.
+"""Residual and increment of all equations, and the support reactions.
 
-Forces of the bulk and of contact balance at free dofs. Rows of multipliers, driven motions and
-prescribed dofs are converted to forces, so that one norm measures all of them.
-
-Roundoff of the residual, and check that contact rows are equal on all ranks.
-
-Solution of the linearized equations.
-
-Newton iterations with the tangent of the iteration before.
-
-Near the solution the tangent hardly changes. Let R_k be the residual at x_k, and T the tangent at
-x_(k-1), the last one that was assembled. With d = x_k - x_(k-1), T d = -R_(k-1) and unchanged sets,
-
-    R_k ~ (1/2) R''(d, d).
-
-A further step s with the same tangent, T s = -R_k, leads to
-
-    R_(k+1) ~ R''(d, s),    |R_(k+1)| ~ 2 |R_k| |s| / |d|.
-
-If this is negligible beside the rounding of the residual, a new tangent would not improve the
-result: assembly and factorization are saved, often in the last iteration of a load step. The
-estimate only selects the iteration: convergence is tested with the residual as in any other. In
-sliding and pressed blocks, linear and quadratic, with sizes of displacements, the residual was 0.3
-to 7 times the estimate.
-
-The step solves for increments of displacements and multipliers; the rows of multipliers have the
-weights with which T was assembled.
-
-Support reactions: force and moment of the Dirichlet conditions on named boundaries.
+``Residual`` measures a state, ``Increment`` is the solution of the equations linearized there, and
+``reaction_of`` sums the forces that Dirichlet conditions exert on named boundaries.
 """
 
 from __future__ import annotations
@@ -56,6 +30,9 @@ if TYPE_CHECKING:
 
 class Residual:
     """Residual of the last evaluated state; all methods are collective.
+
+    Forces of the bulk and of contact balance at free dofs. Rows of multipliers, driven motions and
+    prescribed dofs are converted to forces, so that one norm measures all of them.
 
     Args:
         equations: The ``ContactEquations``.
@@ -248,7 +225,7 @@ def reaction_of(
     Args:
         bulk: The bodies.
         forces: Bulk residual plus contact forces, shape (owned dofs,) [stress length].
-        given: Meshes with names, those of the pairs or one of the user.
+        given: Meshes with names, those of the pairs or the one that the user gave.
         names: Names or tags of the boundaries; a node of several of them counts once.
         about: The point of reference, shape (dim,) [length], or ``None`` for the origin.
 

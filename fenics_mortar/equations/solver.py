@@ -12,21 +12,21 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact, begin_step, commit, instants_of
 from fenics_mortar.contact.law import BUILT_IN
-from fenics_mortar.contact.slip import lead, lead_by_solution
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_start
-from fenics_mortar.equations.predictor import turn, turns_of_prescribed, with_followers
+from fenics_mortar.equations.diagnosis import describe_isolated
 from fenics_mortar.equations.reduced import LinearBulk
-from fenics_mortar.newton.loop import (
-    Damped,
-    NewtonReport,
-    allowed_residual,
-    merge_repeated,
-    solve,
-    then_solve,
+from fenics_mortar.equations.turns import (
+    follow_solution,
+    lead_by_motions,
+    turn,
+    turns_of_prescribed,
+    with_followers,
 )
+from fenics_mortar.newton import loop
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.rigid.floating import check_settled, settle
-from fenics_mortar.rigid.proximal import RIGID, solve_with_springs, solve_with_weak_springs
+from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.arrays import HALF_FACET, Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, NotConvergedError, NotFiniteError
@@ -34,18 +34,10 @@ from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodies
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.arcs import Carried
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.equations.reduced import ReducedEquations
     from fenics_mortar.la.system import LinearSystem
     from fenics_mortar.verify.node_paths import RigidPath
-
-
-# Change of slip by the motions of a solution, over the way of bodies that turn [1], above which it
-# is solved for again, and how often at most: after one it is below a tenth of that, as a rule.
-LED_CHANGE, LED_SOLVES = 2e-4, 4
-# The same after the last of these [1], above which the step fails: slip is to be right to 1 %.
-LED_WRONG = 0.01
 
 
 class Solver:
@@ -134,7 +126,7 @@ class Solver:
 
     def solve(
         self, remarks: Sequence[str], *, accept_violations: bool, may_cut: bool
-    ) -> NewtonReport:
+    ) -> loop.NewtonReport:
         """Solve from the present state; see ``ContactProblem.solve``.
 
         Args:
@@ -149,7 +141,8 @@ class Solver:
         e.bulk.history.start_step()
         try:
             report, moved = self._move_and_solve()
-            unsupported = e.idle.describe_unsupported()
+            isolated = describe_isolated(e.bulk, e.contacts, e.floating)
+            unsupported = [*e.idle.describe_unsupported(), *filter(None, [isolated])]
             e.idle.end()
             instants = instants_of(e.comm, e.contacts)
             history = e.bulk.history.new_values()
@@ -181,14 +174,14 @@ class Solver:
         judged = [*unsupported, *messages] if messages else certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *self._describe_starts(), *e.crossings.led.taken(at_start)]
-        report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
+        report.notes[:] = loop.merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
         if violations and not accept_violations:
             e.put(e.state().counting_slip_from(before).replaced(converged=False))
             raise _wrong_state(report, violations, moving=e.bulk.inertia is not None)
         e.crossings.accept(e.motions.obstacle_places)
         return report
 
-    def _move_and_solve(self) -> tuple[NewtonReport, list[str]]:
+    def _move_and_solve(self) -> tuple[loop.NewtonReport, list[str]]:
         """Rigid moves and a solve, and sentences on moved bodies.
 
         If this fails after idle bodies were set aside, all of them take part in contact: those that
@@ -200,7 +193,8 @@ class Solver:
             e.idle.reset(may_be_aside=may_be_aside)
             try:
                 moved = self._move()
-                report = self._lead_by_solution(self._solve())
+                again = partial(self._solve, follows=False)
+                report = follow_solution(e, self._solve(), again)
                 moved += check_settled(e.floating, e.idle.reach())
                 break
             except MortarError as error:
@@ -223,65 +217,11 @@ class Solver:
         e.springs.remove_springs()
         if moved:
             self._accept_moved()
-        self._lead(solved=False)
+        lead_by_motions(e, solved=False)
         e.idle.find(e.evaluate_forces)
         return moved
 
-    def _led(self, *, solved: bool) -> tuple[list[Contact], Carried | None]:
-        """Pairs that depend on slip and whose bodies may turn; motions that carry their nodes.
-
-        Args:
-            solved: Whether all bodies have moved; else those that are prescribed.
-        """
-        crossings = self._equations.crossings
-        pairs = [
-            contact
-            for contact in self._equations.floating.contacts
-            if contact.pair.sliding != "small"
-            and (contact.pair.law.has_friction or contact.pair.law.needs_nodal_state)
-        ]
-        return pairs, crossings.led.carried(crossings.accepted, solved=solved) if pairs else None
-
-    def _lead(self, *, solved: bool) -> None:
-        """Count slip of nodes without force from where motions carry them, see ``arcs``."""
-        pairs, carried = self._led(solved=solved)
-        if carried is not None:
-            for pair in pairs:
-                lead(pair, pair.partners, self._equations.crossings.outline, carried)
-
-    def _lead_by_solution(self, report: NewtonReport) -> NewtonReport:
-        """Solve again, with slip of nodes without force from where their bodies have turned to.
-
-        Motions are those of the solution, fixed within a solve, for bodies that nothing prescribes,
-        such as rollers. Slip by their first-order changes is right anyway: one or two more solves
-        are enough, as a rule.
-
-        Raises:
-            NotConvergedError: On all ranks, if slip still changes after the last of these solves.
-        """
-        e, change = self._equations, 0.0
-        for number in range(LED_SOLVES + 1):
-            pairs, carried = self._led(solved=True)
-            if carried is None:
-                return report
-            kept = [pair.partners for pair in pairs]
-            given = e.crossings.outline, carried, e.crossings.led.bodies
-            change = agreed(e.comm, max(lead_by_solution(pair, *given) for pair in pairs))
-            if change <= LED_CHANGE or number == LED_SOLVES:
-                for pair, partners in zip(pairs, kept, strict=True):
-                    pair.change(partners=partners)
-                break
-            report = then_solve(report, partial(self._solve, follows=False))
-        if change > LED_WRONG:
-            report.converged = False
-            report.reason = (
-                f"slip of bodies that turn still changes by {change:.2g} of their way after "
-                f"{LED_SOLVES} more solves from their motions; take smaller steps"
-            )
-            raise NotConvergedError(report.reason, report)
-        return report
-
-    def _solve(self, *, follows: bool = True) -> NewtonReport:
+    def _solve(self, *, follows: bool = True) -> loop.NewtonReport:
         """Solve on the contact dofs if the bulk is linear, else on all dofs, from several starts.
 
         Where prescribed values turn bodies, and others with them, the first start is after these
@@ -316,7 +256,7 @@ class Solver:
                 if motions:
                     turn(e, motions, followed=motions is not turns)
                 if len(motions) > len(turns):  # values tell no turns of others
-                    self._lead(solved=True)
+                    lead_by_motions(e, solved=True)
                 report = newton()
                 break
             except NotConvergedError as error:
@@ -326,7 +266,7 @@ class Solver:
             if motions is not starts[-1]:
                 e.restore(start)
                 failed.report.notes.append(f"{failed}: other bodies turn first, or none")
-                newton = partial(then_solve, failed.report, self._newton())
+                newton = partial(loop.then_solve, failed.report, self._newton())
         else:
             report = self._solve_anew(start, failed)
         self.linear_bulk.count(report.num_iterations)
@@ -335,16 +275,16 @@ class Solver:
         report.notes[:0] = remarks
         return report
 
-    def _solve_reduced(self, reduced: ReducedEquations) -> NewtonReport | None:
+    def _solve_reduced(self, reduced: ReducedEquations) -> loop.NewtonReport | None:
         """Solve on the contact dofs; the start again and ``None`` if that is no solution."""
         e = self._equations
         start = e.state()
         try:
-            report = solve(reduced, e.newton)
+            report = loop.solve(reduced, e.newton)
             reduced.finish()
             status = e.evaluate(start=False)
             force = max(report.force, status.force)
-            solves = status.residual <= allowed_residual(status, force, e.newton)
+            solves = status.residual <= loop.allowed_residual(status, force, e.newton)
             if solves and not e.bulk.inverted_cells()[0]:
                 return report
         except NotConvergedError:
@@ -353,7 +293,7 @@ class Solver:
         e.restore(start)
         return None
 
-    def _solve_anew(self, start: Any, failed: NotConvergedError) -> NewtonReport:
+    def _solve_anew(self, start: Any, failed: NotConvergedError) -> loop.NewtonReport:
         """Solve on all dofs with damped steps or springs after Newton's method failed.
 
         In a large step that closes contact with friction, nodes stick or slide along slips that are
@@ -397,11 +337,11 @@ class Solver:
             e.restore(start)
         return agreed(e.comm, found)
 
-    def _restart(self, start: Any, failed: NotConvergedError) -> NewtonReport:
+    def _restart(self, start: Any, failed: NotConvergedError) -> loop.NewtonReport:
         """Newton's method with damped steps after full ones, with a user's law also reversely.
 
         Bonds that soften have no derivative then: gaps grow up to the next equilibrium, also where
-        a whole body is more compliant than its nodes, by which slow softening is told.
+        a whole body is more compliant than its nodes, by which slow softening is recognized.
 
         Raises:
             NotConvergedError: If this fails as well, steps were damped, nothing rubs or softens, or
@@ -424,7 +364,7 @@ class Solver:
             try:
                 for c in self._softening():
                     c.omit_softening(always=anew)
-                report = then_solve(last.report, self._newton(damped))
+                report = loop.then_solve(last.report, self._newton(damped))
             except NotConvergedError as error:
                 last = error
                 continue
@@ -458,7 +398,7 @@ class Solver:
         """Whether a contact has a user's law."""
         return not all(type(c.pair.law) in BUILT_IN for c in self._equations.floating.contacts)
 
-    def _newton(self, damped: bool | None = None) -> Callable[[], NewtonReport]:
+    def _newton(self, damped: bool | None = None) -> Callable[[], loop.NewtonReport]:
         """Newton's method, by default as it converged last; to be called at a state."""
         e = self._equations
         options = e.newton
@@ -466,7 +406,7 @@ class Solver:
             options = replace(options, max_iterations=2 * options.max_iterations)
         if (self._damps if damped is None else damped) and not options.damped:
             options = replace(options, line_search=True)
-        return partial(solve, Damped(e, options) if options.damped else e, options)
+        return partial(loop.solve, loop.Damped(e, options) if options.damped else e, options)
 
     def _accept_moved(self) -> None:
         """Count slip from the positions after rigid moves, except for nodes that slid.
@@ -485,7 +425,7 @@ class Solver:
 
 
 def _wrong_state(
-    report: NewtonReport, violations: Sequence[str], *, moving: bool
+    report: loop.NewtonReport, violations: Sequence[str], *, moving: bool
 ) -> NotConvergedError:
     """Error for a state that violates its certificate, with advice; ``Dynamics`` accepts none."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"

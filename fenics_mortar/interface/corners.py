@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Normals at corners inside a slave surface: normal of the one facet that faces the master.
+"""Normals at corners and sharp edges inside a slave surface: of the side that faces the master.
 
 The averaged normal at a corner, for example of a plate whose whole outline is the slave, is oblique
 to both facets. If the plate lies on a flat surface, the force on the corner would act along this
@@ -78,7 +78,7 @@ class SharpEdges:
         self.nodes, self._at = np.unique(self._owner[self._entries], return_inverse=True)
 
     def _of_curve(self) -> Indices:
-        """``sides`` of a curve: it turns to the left."""
+        """``sides`` of a curve, at nodes where it turns to the left."""
         is_sharp = self._surface.turns[self._owner] > TURN
         return np.where(is_sharp, np.where(self._place == 0, 1, 0), -1)
 
@@ -107,7 +107,7 @@ class SharpEdges:
         return sides
 
     def choose(self, x: Array, master: Any, m: Array, largest: float) -> Indices:
-        """Side whose normal is used at each of the nodes, -1 for that of all, shape (k,) (local).
+        """Side whose normal is used at each of the nodes, -1 for the average of all, (k,) (local).
 
         Args:
             x: Positions of the surface's nodes, shape (n, dim) [length].

@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Contact surfaces in the plane: curves of facets.
 
-Nodes are numbered along the curves. Start and order of the curves follow from coordinates alone.
-
-Ordering of facets along the curves that they form, by coordinates alone.
-
-Curves end at two kinds of nodes of cracks. At a tip the outline folds back on itself, and the
-average of the normals of the two faces would be zero or along the crack. At a junction, where
-cracks branch or cross each other, the corner of each part meets two others, and no single normal
-belongs to both. The node is then in the surface twice, as the end of both faces, with the same
-dofs.
+``order_curves`` numbers the nodes along the curves; their start and order follow from coordinates
+alone. Curves end where the surface ends, and at tips and junctions of cracks, see
+``ends_of_faces``.
 """
 
 from __future__ import annotations
@@ -22,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_mortar.interface import surfaces
-from fenics_mortar.interface.surfaces import CurveRoles, Surface
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import input_nodes
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, angles_between
 from fenics_mortar.utils.errors import SurfaceError, format_point
@@ -122,7 +116,7 @@ def chains(following: Indices, starts: Sequence[int] | Indices) -> list[Indices]
 
     Args:
         following: The next number of each one, -1 for none, shape (n,).
-        starts: First numbers; those that another chain has reached begin none.
+        starts: First numbers of chains; one that another chain has reached begins none.
     """
     visited, found = np.zeros(following.size, bool), []
     for start in starts:
@@ -138,6 +132,11 @@ def chains(following: Indices, starts: Sequence[int] | Indices) -> list[Indices]
 
 def ends_of_faces(X: Array, previous: Indices, following: Indices) -> Indices:
     """Nodes at tips and junctions of cracks, inside of curves, shape (k,) (local).
+
+    At a tip the outline folds back on itself, and the average of the normals of the two faces would
+    be zero or along the crack. At a junction, where cracks branch or cross each other, the corner
+    of each part meets two others, and no single normal belongs to both. The node is then in the
+    surface twice, as the end of both faces, with the same dofs.
 
     Args:
         X: Reference positions of the nodes, shape (n, 2) [length].
@@ -181,12 +180,10 @@ class Curve(Surface):
     Attributes:
         previous: Node before each node along its curve, -1 at an end, shape (n,).
         following: Node after each node, -1 at an end, shape (n,).
-        roles: Which facets are masters of which, of a surface that may touch itself.
     """
 
     previous: Indices
     following: Indices
-    roles: CurveRoles | None = None
 
     @cached_property
     def nodal_lengths(self) -> Array:
@@ -217,11 +214,6 @@ class Curve(Surface):
         for total, of_facets in zip(sums, (self.areas, self.measures), strict=True):
             np.add.at(total, self.facets, of_facets.sum(axis=1)[:, None])
         return np.asarray(sums[0] / sums[1])
-
-    @cached_property
-    def functions_move(self) -> bool:
-        """Whether multiplier functions change with the positions of wholly covered facets."""
-        return self.degree > 1 or (self.thickness is not None and self.thickness.by_x != 0.0)
 
     @cached_property
     def turns(self) -> Array:

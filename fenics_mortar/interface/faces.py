@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Contact surfaces in space: triangles and quadrilaterals.
 
-The nodes of a facet are its corners, counter-clockwise seen from outside of the body, then those
-on its edges, and one at the centre. Nodes are numbered in the order of the mesh input, facets by
-their nodes.
-
-Surfaces with linear facets between the vertices of quadratic ones, for fields of degree 1.
-
-Pairs of slave and master facets that face each other.
+The nodes of a facet are its corners, counter-clockwise seen from outside of the body, then those on
+its edges, and one at the centre. Nodes are numbered in the order of the mesh input, facets by their
+nodes. ``extract_faces`` makes a surface, ``space_mortar`` finds the facets that face each other.
 """
 
 from __future__ import annotations
@@ -20,14 +16,12 @@ import numpy as np
 
 from fenics_mortar.interface import surfaces
 from fenics_mortar.interface.reference import CORNERS, covers
-from fenics_mortar.interface.surfaces import FaceRoles, Surface
-from fenics_mortar.kernels.space import pairs as pair_kernels
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.space.normals import find_rings, padded
 from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
 from fenics_mortar.utils.errors import SurfaceError, format_point
 
 if TYPE_CHECKING:
-    from fenics_mortar.interface.integrals import BodiesBehind, MortarOptions
     from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Area of a facet over the square of its longest edge [1] below which it has no normal.
@@ -40,11 +34,9 @@ class Faces(Surface):
 
     Attributes:
         is_open: Whether a node is on the rim of the surface, shape (n,), bool.
-        roles: Which facets are masters of which, of a surface that may touch itself.
     """
 
     is_open: Flags
-    roles: FaceRoles | None = None
 
     @cached_property
     def stencil(self) -> Indices:
@@ -182,7 +174,9 @@ def _check_areas(x: Array, name: str) -> None:
 
 
 def surface_of_vertices(surface: Any) -> tuple[Any, Indices]:
-    """The surface without the inner nodes of its facets (local).
+    """The surface without the inner nodes of its facets, in the plane or in space (local).
+
+    Its facets are linear, between the vertices of quadratic ones, for fields of degree 1.
 
     Returns:
         The surface, and the numbers of its k nodes in the given one, shape (k,).
@@ -235,39 +229,3 @@ class FacetPairs:
             owner=(used.cumsum() - 1)[self.owner[pairs]], merged=merged[:, :width],
             places=self.places[pairs],
         )  # fmt: skip
-
-
-def _merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:
-    """Master nodes of all pairs of a facet, and the places of each pair's nodes among them (local).
-
-    Args:
-        owner: Facet of each pair, ascending, shape (p,).
-        master: Master nodes of the pairs, shape (p, K').
-        count: Number of facets.
-
-    Returns:
-        Nodes, ascending, -1 for none, shape (count, L), and places, shape (p, K').
-    """
-    size = master.max(initial=0) + 1
-    keys, number = np.unique((owner[:, None] * size + master).ravel(), return_inverse=True)
-    facet, node = np.divmod(keys, size)
-    at = np.arange(keys.size) - np.searchsorted(facet, facet)
-    return padded(facet, node, count), at[number].reshape(master.shape)
-
-
-def find_pairs(
-    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions,
-    behind: BodiesBehind | None = None,
-) -> FacetPairs:  # fmt: skip
-    """Master facets that the slave facets ``share`` (f,) face, within the limits (local)."""
-    offsets, masters = pair_kernels.find_pairs(
-        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine,
-        behind and tuple(behind.of(share)), slave.roles and slave.roles.of(share),
-    )  # fmt: skip
-    owner = np.repeat(np.arange(share.size), np.diff(offsets))
-    on_master = master.facets[masters]
-    merged, places = _merge(owner, on_master, share.size)
-    return FacetPairs(
-        facets=share, offsets=offsets, slave=slave.facets[share][owner], master=on_master,
-        numbers=masters, owner=owner, merged=merged, places=places,
-    )  # fmt: skip

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Quadrature points of slave facets and their partners on the master, as material points.
+"""Partners of slave points on the master: quadrature points of segments, and nearest points.
 
-Segments in the plane have a Gauss rule each; points on pairs of facets in space, which are those of
-the cells of their common parts, are listed one by one, as segments with q = 1. The reference facet
-is the interval [-1, 1], in space that of ``kernels.space.shapes``.
+``both_sides`` and ``face`` give the quadrature points of slave facets and their partners as
+material points. Segments in the plane have a Gauss rule each; points on pairs of facets in space,
+which are those of the cells of their common parts, are listed one by one, as segments with q = 1.
+The reference facet is the interval [-1, 1], in space that of ``kernels.space.shapes``.
 
-Nearest points of a surface in space.
+``nearest_on_master`` and ``nearest_points`` give points of a surface nearest to given points, in
+the plane on the chords of facets, in space on triangles.
 """
 
 from __future__ import annotations
@@ -145,8 +147,8 @@ def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
 def with_weight(points: Points, *, at_vertices: bool) -> Points:
     """Points with functions of positive integrals, to which multipliers are dual (local).
 
-    Of triangles with six nodes, where shape functions of corners have none: ``positive_functions``,
-    or linear ones if multipliers are ``at_vertices`` only.
+    On triangles with six nodes, where shape functions of corners have no positive integral, they
+    are ``positive_functions``, or linear ones if multipliers are ``at_vertices`` only.
     """
     if points.slave.shape[1] != 6:
         return points
@@ -160,7 +162,7 @@ def with_weight(points: Points, *, at_vertices: bool) -> Points:
 def both_sides(o: Any, segments: Segments | FacetPairs) -> tuple[Facing, Points]:
     """Points of the parts of slave and master that face each other at the state of ``o`` (local).
 
-    Those of the master are other ones in the plane.
+    In the plane the points of the master are not the partners of those of the slave.
     """
     if isinstance(segments, FacetPairs):
         return both_faces(o, segments)
@@ -187,7 +189,7 @@ def face(o: PlaneOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
 
 
 def both_faces(o: Any, pairs: FacetPairs) -> tuple[Facing, Points]:
-    """See ``both_sides``, for faces, with the rule of ``o`` (local).
+    """``both_sides`` for faces, with the rule of ``o`` (local).
 
     Any other rule would integrate tractions on distorted quadrilaterals differently from D and M.
     """
@@ -299,9 +301,9 @@ def linear_facets(facets: Indices, num_nodes: int) -> LinearFacets:
 def nearest_on_master(o: Any, nodes: Indices) -> tuple[Indices, Array]:
     """Points of the master nearest to slave nodes at the state of ``o``; see ``nearest_points``.
 
-    On a surface in contact with itself, of a part that faces the node and is its master. Where no
-    such part is near, the node itself. In the plane they may be on the line of a facet, beyond an
-    end of the surface: nodes (k, 2) and weights (k, 2).
+    On a surface in contact with itself they belong to a part that faces the node and is its master;
+    where no such part is near, the point is the node itself. In the plane, with nodes (k, 2) and
+    weights (k, 2), a point may lie on the line of a facet beyond an end of the surface.
     """
     if o.slave.dim == 2:
         roles = o.slave.roles

@@ -1,82 +1,39 @@
 # SPDX-License-Identifier: MIT
-"""Evaluation of the mortar operators: normals, segments, integrals, sums over the ranks.
+"""Mortar operators of curves in the plane, with their derivatives; see ``mortar``.
 
-Mortar operators of curves in the plane, with their derivatives; see ``mortar``.
+An evaluation averages the nodal normals (``evaluate_normals``), finds the segments, intersections
+of slave and master facets (``find_segments``), integrates over their quadrature points, and sums
+over the ranks (``evaluate_mortar``). Normals, input and sums are also those of ``space_mortar`` and
+``on_obstacle``.
 
 Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets: Popp, Seitz, Gee
 & Wall (2013).
-
-Derivatives are stored as dense blocks. With K nodes per facet, 2 or 3, a segment has C = 8 K - 4
-columns: the components of the slave nodes of the previous facet, of its own and of the next one,
-and of its master nodes.
-
-Segments, the intersections of slave and master facets, and their quadrature points.
-
-============  =========================================================================
-integration   segments of a slave facet
-============  =========================================================================
-"segments"    its intersections with master facets, each with a Gauss rule
-"elements"    runs of points with the same partner; the points are one Gauss rule for the
-              whole facet. Segment ends are fixed, such that each point has a length
-              equal to its weight
-"nodes"       as "elements", with the Lobatto rule, whose points are the nodes
-============  =========================================================================
-
-The last two do not resolve the kinks at ends of master facets inside a slave facet: forces balance,
-but the patch test is not satisfied (Farah, Popp & Wall 2015). "nodes" is node-to-segment contact.
-
-Discretization of a pair: basis, normals, weights of the gap, quadrature, search.
-
-Averaged unit normals of the nodes of a surface, and their derivatives.
-
-Bodies behind the facets of a slave surface, which limit the search; see ``outline``.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
-from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule, hand_over
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, BodiesBehind, MortarOperators
+from fenics_mortar.interface.reference import facet_rule, gauss_rule, hand_over
 from fenics_mortar.kernels import points as point_kernels
 from fenics_mortar.kernels import projection, search
-from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 from fenics_mortar.kernels.space import normals as space_normals
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, summed
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.interface.mortar import ByEntries
+    from fenics_mortar.interface.corners import SharpEdges
+    from fenics_mortar.interface.mortar import ByEntries, Linearization, MortarOptions, Weighting
+    from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import Surface
-
-
-class BodiesBehind(NamedTuple):
-    """Bodies behind the facets of a slave surface: arguments of the kernels.
-
-    Attributes:
-        safe: Depth behind each slave facet up to which all partners count, shape (f,) [length].
-        slave_bodies: Bodies of the slave facets, shape (f,).
-        master_bodies: Bodies of the master facets, shape (m,).
-        outline: Present positions of the nodes (b, dim) [length], segments (p, dim) with the body
-            on the left, and bodies of the segments (p,); in space also a tree and space for hits.
-    """
-
-    safe: Array
-    slave_bodies: Indices
-    master_bodies: Indices
-    outline: tuple[Any, ...]
-
-    def of(self, facets: Indices) -> BodiesBehind:
-        """The bodies behind the slave facets with the numbers ``facets`` (k,)."""
-        return self._replace(safe=self.safe[facets], slave_bodies=self.slave_bodies[facets])
 
 
 def nothing_behind(num_facets: int) -> BodiesBehind:
@@ -84,9 +41,6 @@ def nothing_behind(num_facets: int) -> BodiesBehind:
     none: Indices = np.empty(0, np.int64)
     outline = np.empty((0, 2)), np.empty((0, 2), np.int64), none
     return BodiesBehind(np.full(num_facets, np.inf), none, none, outline)
-
-
-Integration = Literal["segments", "elements", "nodes"]
 
 
 @dataclass(frozen=True)
@@ -139,10 +93,24 @@ class Segments:
 
 @clock("search")
 def find_segments(
-    slave: Curve, master: Curve, x: Array, n: Array, m: Array, facets: Indices,
+    slave: Surface, master: Surface, x: Array, n: Array, m: Array, facets: Indices,
     options: MortarOptions, behind: BodiesBehind | None = None,
 ) -> Segments:  # fmt: skip
     """Find the segments of the given slave facets.
+
+    ============  =========================================================================
+    integration   segments of a slave facet
+    ============  =========================================================================
+    "segments"    its intersections with master facets, each with a Gauss rule
+    "elements"    runs of points with the same partner; the points are one Gauss rule for the
+                  whole facet. Segment ends are fixed, such that each point has a length
+                  equal to its weight
+    "nodes"       as "elements", with the Lobatto rule, whose points are the nodes
+    ============  =========================================================================
+
+    The last two do not resolve the kinks at ends of master facets inside a slave facet: forces
+    balance, but the patch test is not satisfied (Farah, Popp & Wall 2015). "nodes" is
+    node-to-segment contact.
 
     Args:
         slave: The side that carries the multiplier.
@@ -151,7 +119,7 @@ def find_segments(
         n: Unit normals of the slave nodes, shape (slave nodes, 2).
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         facets: Slave facets to search, shape (f,).
-        options: Kind of segments, see above, quadrature and limits of the search.
+        options: Kind of segments, quadrature and limits of the search.
         behind: Limits of the search behind the slave facets; none by default.
 
     Returns:
@@ -208,16 +176,6 @@ def _runs(
     return offsets, masters, (ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
-Weighting = Literal["opposite", "unit", "own"]
-GapWeights = Literal["cover", "basis", "standard"]
-BASES = {
-    "dual": DUAL,
-    "standard": STANDARD,
-    "vertices": DUAL,
-    "linear": STANDARD,
-    "quadratic": STANDARD,
-}
-GAP_WEIGHTS = {"basis": BY_BASIS, "cover": BY_COVER, "standard": BY_STANDARD}
 WEIGHTINGS = {"opposite": projection.OPPOSITE, "unit": projection.UNIT, "own": projection.OWN}
 
 
@@ -231,42 +189,6 @@ def basis_on(surface: Any, basis: Basis) -> Basis:
     if surface.dim == 3 and surface.facets.shape[1] == 6:
         return basis if basis == "quadratic" else "linear"
     return "dual" if basis == "quadratic" else basis
-
-
-@dataclass(frozen=True)
-class MortarOptions:
-    """Discretization of one pair.
-
-    Attributes:
-        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear";
-            on triangles with six nodes "quadratic".
-        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
-        gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.facets``.
-        integration: "segments", "elements" or "nodes".
-        points: Gauss points per segment, with "elements" per slave facet.
-        radius: Search radius along the normal [length]; limits behind the slave: ``outline``.
-        min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
-        corners: Whether corners inside the slave take the normal of one facet; see ``corners``.
-    """
-
-    basis: Basis
-    weighting: Weighting
-    gap_weights: GapWeights
-    integration: Integration
-    points: int
-    radius: float
-    min_cosine: float
-    corners: bool = False
-
-    @cached_property
-    def kinds(self) -> tuple[int, int]:
-        """Basis and weights of the gap as integers, the arguments of the kernels.
-
-        If the quadrature points are the nodes, standard and dual functions are equal for any cover.
-        """
-        if self.integration == "nodes":
-            return STANDARD, BY_BASIS
-        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
 
 
 def evaluate_normals(
@@ -319,6 +241,7 @@ class MortarInput(NamedTuple):
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
         behind: Limits of the search behind the slave facets at these positions.
+        edges: Corners of the slave that take the normal of one facet; see ``corners``.
         searched: Operators at the same positions and with the same linearization, but other
             multiplier nodes: their normals and segments are used if the facets are equal.
     """
@@ -332,6 +255,7 @@ class MortarInput(NamedTuple):
     options: MortarOptions
     linearization: Linearization
     behind: BodiesBehind | None = None
+    edges: SharpEdges | None = None
     searched: Any = None
 
 
@@ -344,9 +268,9 @@ def choose_facets(given: MortarInput) -> tuple[Indices, Any, tuple[Array, Array]
     """
     slave, options, searched = given.slave, given.options, given.searched
     used, links = given.multiplier_nodes[slave.facets].any(axis=1), None
-    if options.corners and slave.sharp_edges.nodes.size:
-        edges, at = slave.sharp_edges, (given.x, given.master, given.m)
-        links, alone = edges.links(edges.choose(*at, options.radius))
+    if given.edges is not None and given.edges.nodes.size:
+        at = given.x, given.master, given.m
+        links, alone = given.edges.links(given.edges.choose(*at, options.radius))
         used &= ~alone
     share = share_of(used.nonzero()[0], slave.comm)
     if searched is not None and np.array_equal(searched.segments.facets, share):
@@ -358,6 +282,10 @@ def choose_facets(given: MortarInput) -> tuple[Indices, Any, tuple[Array, Array]
 @dataclass(frozen=True, kw_only=True)
 class PlaneOperators(MortarOperators):
     """D, M, weighted gap and normals of two curves; tau = (-n_y, n_x).
+
+    Derivatives are stored as dense blocks. With K nodes per facet, 2 or 3, a segment has
+    C = 8 K - 4 columns: the components of the slave nodes of the previous facet, of its own and of
+    the next one, and of its master nodes.
 
     Attributes:
         dD: Derivative of D with respect to the nodes of each segment, shape (n, K, K, C) [1].
@@ -485,7 +413,7 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
 
 def evaluate_mortar(given: MortarInput) -> PlaneOperators:
     """Evaluate the mortar operators of curves at current positions (collective)."""
-    slave, master, x, m, multiplier_nodes, _, options, linearization, behind, _ = given
+    slave, master, x, m, multiplier_nodes, _, options, linearization, behind, *_ = given
     share, s, (n, dn) = choose_facets(given)
     if s is None:
         s = find_segments(slave, master, x, n, m, share, options, behind)
@@ -558,7 +486,7 @@ def integrate_segments(
     )  # fmt: skip
 
 
-def _covered(slave: Curve, s: Segments, x: Array, thickness: tuple[Array, float] | None) -> Flags:
+def _covered(slave: Surface, s: Segments, x: Array, thickness: tuple[Array, float] | None) -> Flags:
     """Whether the integral of a node's shape function is positive, (slave nodes,) (collective).
 
     If the cover ends inside a quadratic facet, that of the far node can be negative. Such a node

@@ -16,10 +16,10 @@ the slave, and all units are multiplied by a length; see ``mesh.space``. In spac
 over areas: the units of D and M are those with a thickness.
 
 Each rank has the integrals over its share of the slave facets. Nodal quantities are summed over the
-ranks and equal on all of them. Derivatives are of type ``Block``; they are computed in
-``integrals`` and ``space_mortar``.
-
-Blocks of sparse matrices, and the terms of the tangent that are kept.
+ranks and equal on all of them. Derivatives are of type ``Block``, dense blocks of sparse matrices;
+they are computed in ``integrals``, ``space_mortar`` and ``on_obstacle``. ``Linearization`` tells
+which terms of the tangent are kept, ``MortarOptions`` the choices for a pair; ``BodiesBehind``
+limits the search behind the slave, see ``outline``.
 """
 
 from __future__ import annotations
@@ -28,14 +28,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.kernels.blocks import add_contact_forces
+from fenics_mortar.kernels.facets import BY_BASIS, BY_COVER, BY_STANDARD, DUAL, STANDARD
 from fenics_mortar.utils.arrays import Array, Flags, Indices, read_only_view
 from fenics_mortar.utils.ranks import from_all_ranks, sum_over_ranks
+
+if TYPE_CHECKING:
+    from fenics_mortar.interface.reference import Basis
 
 
 class Block(NamedTuple):
@@ -55,7 +59,7 @@ def scaled(block: Block, factors: Array) -> Block:
 
 
 def without_values(rows: Indices, columns: Indices) -> Block:
-    """No blocks, where there would be some with rows (b, r) and columns (b, c) (local)."""
+    """A ``Block`` without entries, for rows (b, r) and columns (b, c) (local)."""
     return Block(rows[:0], columns[:0], np.empty((0, rows.shape[1], columns.shape[1])))
 
 
@@ -118,6 +122,71 @@ LINEARIZATIONS = {
 EXACT = Linearization(exact=True)
 
 
+class BodiesBehind(NamedTuple):
+    """Bodies behind the facets of a slave surface: arguments of the kernels.
+
+    Attributes:
+        safe: Depth behind each slave facet up to which all partners count, shape (f,) [length].
+        slave_bodies: Bodies of the slave facets, shape (f,).
+        master_bodies: Bodies of the master facets, shape (m,).
+        outline: Present positions of the nodes (b, dim) [length], segments (p, dim) with the body
+            on the left, and bodies of the segments (p,); in space also a tree and space for hits.
+    """
+
+    safe: Array
+    slave_bodies: Indices
+    master_bodies: Indices
+    outline: tuple[Any, ...]
+
+    def of(self, facets: Indices) -> BodiesBehind:
+        """The bodies behind the slave facets with the numbers ``facets`` (k,)."""
+        return self._replace(safe=self.safe[facets], slave_bodies=self.slave_bodies[facets])
+
+
+Integration = Literal["segments", "elements", "nodes"]
+Weighting = Literal["opposite", "unit", "own"]
+GapWeights = Literal["cover", "basis", "standard"]
+BASES = dict.fromkeys(("dual", "vertices"), DUAL)
+BASES |= dict.fromkeys(("standard", "linear", "quadratic"), STANDARD)
+GAP_WEIGHTS = {"basis": BY_BASIS, "cover": BY_COVER, "standard": BY_STANDARD}
+
+
+@dataclass(frozen=True)
+class MortarOptions:
+    """Discretization of one pair.
+
+    Attributes:
+        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear";
+            on triangles with six nodes "quadratic".
+        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.facets``.
+        integration: "segments", "elements" or "nodes"; see ``integrals.find_segments``.
+        points: Gauss points per segment, with "elements" per slave facet.
+        radius: Search radius along the normal [length]; limits behind the slave: ``outline``.
+        min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
+        corners: Whether corners inside the slave take the normal of one facet; see ``corners``.
+    """
+
+    basis: Basis
+    weighting: Weighting
+    gap_weights: GapWeights
+    integration: Integration
+    points: int
+    radius: float
+    min_cosine: float
+    corners: bool = False
+
+    @cached_property
+    def kinds(self) -> tuple[int, int]:
+        """Basis and weights of the gap as integers, the arguments of the kernels.
+
+        If the quadrature points are the nodes, standard and dual functions are equal for any cover.
+        """
+        if self.integration == "nodes":
+            return STANDARD, BY_BASIS
+        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
+
+
 @dataclass(frozen=True, kw_only=True)
 class MortarOperators(ABC):
     """D, M, weighted gap and normals at given positions, with their derivatives.
@@ -139,6 +208,7 @@ class MortarOperators(ABC):
         weight: Integral of Phi_j, the row sum of D, shape (slave nodes,) [length].
         num_segments: Number of intersections on all ranks.
         linearization: Derivatives that are included; the others are zero.
+        is_linearized_late: Whether derivatives are computed when asked for, not with the integrals.
     """
 
     slave: Any
@@ -156,6 +226,7 @@ class MortarOperators(ABC):
     weight: Array
     num_segments: int
     linearization: Linearization
+    is_linearized_late: ClassVar[bool] = False
 
     @cached_property
     def tau(self) -> Array:
@@ -231,9 +302,9 @@ class MortarOperators(ABC):
         """
 
     def near(self, nodes: Flags) -> Self:
-        """Operators of the facets with some of these nodes, whose derivatives they have (local).
+        """Operators with the derivatives of the facets that have some of these nodes (local).
 
-        In the plane, where derivatives are found with the integrals, those of all facets.
+        In the plane they have those of all facets, which are found with the integrals.
 
         Args:
             nodes: Shape (slave nodes,), bool.
@@ -265,6 +336,13 @@ class MortarOperators(ABC):
             z: Shape (slave nodes, c) [stress].
             dofs: Rows of each master node, shape (master nodes, c); displacement dofs by default.
         """
+
+    def rounding_of_vectors(self) -> Array:
+        """Rounding of D x - M m over that of a position, (slave nodes,) [area] (collective).
+
+        In the plane and on obstacles zero: it is negligible.
+        """
+        return np.zeros(len(self.x))
 
     @abstractmethod
     def weight_derivative(self) -> list[Block]:

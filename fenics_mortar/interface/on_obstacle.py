@@ -4,6 +4,8 @@
 The slave is integrated facet by facet, on Gauss points or nodes, with the multiplier functions of
 fully covered facets and the out-of-plane thickness. For phi, V, arm, and the numbers d of
 coordinates and m of motions see ``obstacles.obstacle``. In space integrals are over areas.
+``facing_facets`` chooses the facets, ``obstacle_normals`` and ``integrate_facets`` evaluate them;
+``evaluate_obstacle`` does all of it.
 
 ==========  ==========================================================================
 symbol      meaning
@@ -16,8 +18,6 @@ n           -grad phi / |grad phi| at the slave node
 f_q         -sum_k F_k . V(x_k): generalized force on the obstacle by the nodal forces
             F = D^T z; forces and moments balance exactly
 ==========  ==========================================================================
-
-Facets that face a rigid obstacle, its normals, points and integrals; see ``on_obstacle``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ import numpy as np
 from fenics_mortar.interface import reference
 from fenics_mortar.interface.integrals import (
     MortarInput,
-    MortarOptions,
     PlaneOperators,
     Segments,
     share_of,
@@ -44,6 +43,7 @@ from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.mortar import MortarOptions
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Flags, Indices
 
@@ -391,7 +391,7 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
         obstacle: The other side.
         arm: Length by which angles are multiplied [length].
     """
-    slave, master, x, _, multiplier_nodes, planes, options, linearization, _, _ = given
+    slave, master, x, _, multiplier_nodes, planes, options, linearization, *_ = given
     distance = f"the distance of '{obstacle.name}'"  # each rank evaluates other points
     size, dim = slave.facets.shape[1], slave.dim
     rule = reference.facet_rule(options.integration, size, options.points, dim)

@@ -1,23 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The outlines of bodies, all of their exterior facets, replicated on every rank.
+"""The outlines of bodies, all of their exterior facets, and the limits that they set to the search.
 
-Outlines are curves, as contact surfaces, and small compared with the bulk; see ``surfaces``. They
-consist of straight segments between nodes: two for a quadratic facet.
-
-Limits of the search behind a slave surface, from the present outlines of a pair's bodies.
-
-Without a limit, the back of a plate would find partners through the plate. Such a partner is
-farther behind the slave surface than half the thickness of both bodies together, see
-``kernels.sight`` and, of faces, ``kernels.space.inside``. Thicknesses are measured in the present
-state, since bodies bend and are compressed.
-
-Up to a safe depth the limit is not evaluated. The cost per iteration is therefore that of gathering
-the outlines, which include the positions of both surfaces.
-
-The hulls of bodies in space, all of their exterior facets as triangles, on every rank.
-
-The counterpart of ``outline``: hulls are small compared with the bulk. Quadrilaterals and facets of
-order 2 are divided into flat triangles between their nodes.
+Outlines are curves, as contact surfaces, and those of bodies in space are hulls of triangles
+(``Hull``). They are small compared with the bulk and replicated on every rank, see ``surfaces``.
+``Sight`` limits the search behind a slave surface by the present outlines of a pair's bodies.
 """
 
 from __future__ import annotations
@@ -32,7 +18,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface import surfaces
-from fenics_mortar.interface.integrals import BodiesBehind
+from fenics_mortar.interface.mortar import BodiesBehind
 from fenics_mortar.kernels import sight
 from fenics_mortar.kernels.space import inside as space_sight
 from fenics_mortar.kernels.space.normals import facets_around
@@ -52,6 +38,8 @@ STEP_FACTOR = 0.97312
 @dataclass(frozen=True, kw_only=True)
 class Outline(surfaces.SurfaceNodes):
     """Segments of the outlines of some bodies.
+
+    Segments are straight lines between nodes: two for a quadratic facet.
 
     Nodes are ordered by their coordinates, segments along a space-filling curve, so that neighbours
     in space have similar numbers. Neither order depends on the partition of the mesh.
@@ -81,6 +69,16 @@ class Outline(surfaces.SurfaceNodes):
     def lengths(self, x: Array) -> Array:
         """Chords of the facets that contain the segments, nodes at ``x`` (n, 2): (m,) [length]."""
         return np.hypot(*(x[self.ends[:, 1]] - x[self.ends[:, 0]]).T)
+
+    def node_sizes(self, x: Array) -> Array:
+        """Size of the largest facet at each node, shape (n,) [length]."""
+        return self.largest_at_nodes(self.lengths(x))
+
+    def largest_at_nodes(self, values: Array) -> Array:
+        """Largest of the segments' nonnegative ``values`` (m,) at each node, (n,) [their unit]."""
+        largest = np.zeros(len(self.X))
+        np.maximum.at(largest, self.segments, values[:, None])
+        return largest
 
     def normals(self, x: Array, facets: Any = slice(None)) -> Array:
         """Outward unit normals of some segments, nodes at ``x`` (n, 2), shape (..., 2) [1]."""
@@ -206,7 +204,15 @@ SAFE = 0.25
 
 
 class Sight:
-    """Outlines of the bodies of a slave and a master surface.
+    """Limits of the search behind a slave surface, from the outlines of a pair's bodies.
+
+    Without a limit, the back of a plate would find partners through the plate. Such a partner is
+    farther behind the slave surface than half the thickness of both bodies together, see
+    ``kernels.sight`` and, of faces, ``kernels.space.triangles``. Thicknesses are measured in the
+    present state, since bodies bend and are compressed.
+
+    Up to a safe depth the limit is not evaluated. The cost per iteration is therefore that of
+    gathering the outlines, which include the positions of both surfaces.
 
     Args:
         outline: Outlines of the bodies of all pairs; tied bodies have a common number.
@@ -258,7 +264,9 @@ class Sight:
 
 @dataclass(frozen=True, kw_only=True)
 class Hull(Outline):
-    """Triangles of the hulls of some bodies; see ``Outline``, equal on all ranks likewise.
+    """Triangles of the hulls of some bodies; equal on all ranks, as an ``Outline``.
+
+    Quadrilaterals and facets of order 2 are divided into flat triangles between their nodes.
 
     Attributes:
         segments: Nodes of each triangle, counter-clockwise seen from outside, shape (m, 3). The
@@ -273,16 +281,6 @@ class Hull(Outline):
         a, b, c = np.moveaxis(x[self.segments], 1, 0)
         areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return np.sqrt(np.bincount(self.ends[:, 0], areas))[self.ends[:, 0]]
-
-    def node_sizes(self, x: Array) -> Array:
-        """Size of the largest facet at each node, shape (n,) [length]."""
-        return self.largest_at_nodes(self.lengths(x))
-
-    def largest_at_nodes(self, values: Array) -> Array:
-        """Largest of the triangles' nonnegative ``values`` (m,) at each node, (n,) [their unit]."""
-        largest = np.zeros(len(self.X))
-        np.maximum.at(largest, self.segments, values[:, None])
-        return largest
 
     def normals(self, x: Array, facets: Any = slice(None)) -> Array:
         """Outward unit normals of some triangles, nodes at ``x`` (n, 3), shape (..., 3) [1]."""

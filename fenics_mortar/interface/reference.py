@@ -13,13 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fenics_mortar.kernels.projection import lagrange
-from fenics_mortar.kernels.space.shapes import (
-    LINEAR,
-    QUADRATIC,
-    reference_nodes,
-    tabulate_shapes,
-    triangle_rule,
-)
+from fenics_mortar.kernels.space import shapes
 from fenics_mortar.utils.arrays import read_only_view
 
 if TYPE_CHECKING:
@@ -45,15 +39,15 @@ def corner_places(size: int, dim: int) -> list[int]:
 @cache
 def linear_values(size: int, dim: int = 3) -> Array:
     """Values of the linear functions of the corners at a facet's nodes, (size, corners) [1]."""
-    nodes = np.linspace(-1.0, 1.0, size) if dim == 2 else reference_nodes(size)
+    nodes = np.linspace(-1.0, 1.0, size) if dim == 2 else shapes.reference_nodes(size)
     return tabulate(nodes, len(corner_places(size, dim)))[:, 0].copy()
 
 
 @cache
 def rule_of_triangles(size: int) -> tuple[Array, Array]:
     """Points (q, 2) and weights (q,) of the triangles of a facet with ``size`` nodes [1]."""
-    bary, weights = triangle_rule(QUADRATIC)
-    corners = reference_nodes(size)[: CORNERS[size]]
+    bary, weights = shapes.triangle_rule(shapes.QUADRATIC)
+    corners = shapes.reference_nodes(size)[: CORNERS[size]]
     triangles = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
     points = np.concatenate([bary @ triangle for triangle in triangles])
     area = 0.5 if len(triangles) == 1 else 2.0
@@ -74,19 +68,19 @@ def tabulate(points: Array, size: int) -> Array:
         return np.stack(lagrange(points, size - 1), axis=1)
     T = np.empty((len(points), 3, size))
     for point, values in zip(points, T, strict=True):
-        tabulate_shapes(point[0], point[1], values)
+        shapes.tabulate_shapes(point[0], point[1], values)
     return T
 
 
 def gauss_points(corners: int) -> tuple[Array, Array]:
     """Points (q,), in space (q, 2), and weights (q,) of a facet, exact to degree 5 [1] (local)."""
-    return np.polynomial.legendre.leggauss(3) if corners == 2 else face_rule(corners, LINEAR)
+    return np.polynomial.legendre.leggauss(3) if corners == 2 else face_rule(corners, shapes.LINEAR)
 
 
 def sample_points(size: int) -> Array:
     """Nodes of a reference facet in space, and points of a rule, shape (q, 2) [1] (local)."""
-    rule = face_rule(size, LINEAR if size < 6 else QUADRATIC)
-    return np.concatenate([reference_nodes(size), rule[0]])
+    rule = face_rule(size, shapes.LINEAR if size < 6 else shapes.QUADRATIC)
+    return np.concatenate([shapes.reference_nodes(size), rule[0]])
 
 
 @cache
@@ -99,7 +93,7 @@ def face_rule(size: int, points: int) -> tuple[Array, Array]:
             rules with at least as many points.
     """
     if size in (3, 6):
-        bary, weights = triangle_rule(points)
+        bary, weights = shapes.triangle_rule(points)
         return np.ascontiguousarray(bary[:, 1:]), 0.5 * weights
     gauss, weights = np.polynomial.legendre.leggauss(int(np.ceil(np.sqrt(points))))
     a, b = np.meshgrid(gauss, gauss, indexing="ij")
@@ -164,9 +158,10 @@ def positive_functions() -> Array:
 
 
 def covers(integrals: Array) -> Array:
-    """Positive integrals [area] at the nodes of facets, for those of their shape functions (f, K).
+    """Positive integrals [area] at the nodes of facets, from those of their shape functions (f, K).
 
-    At the corners of triangles with six nodes, where these are zero, those of the linear functions.
+    At the corners of triangles with six nodes, where these are zero, they are those of the linear
+    functions.
     """
     size = integrals.shape[1]
     if size != 6:

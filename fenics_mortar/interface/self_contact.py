@@ -10,13 +10,7 @@ depend on ranks or numbering.
 
 In the plane facets are ordered along each curve. If a curve is folded, one side of the fold
 precedes the other along the curve. Roles change only at the bend, and at the start of a closed
-curve. In space facets are swept, see below.
-
-Facets that are neighbours along the surface are not paired, see ``kernels.sight``.
-Like any other facet in between, they hide facets behind them. Neither are facets that meet at a
-junction of cracks but are not faces of one crack: they touch in a point, as parts opposite each
-other where two cracks cross. Corners that overlap by rounding could be separated along either
-crack, and the gap along the crack that slides would be minus the slip.
+curve.
 
 In space the facets of each connected part are swept from one facet, nearest first, along the
 surface. Where a part is folded, the points that meet are mirror images in the fold: the side of the
@@ -27,6 +21,12 @@ equally far. It is therefore the extreme one in a direction that no mesh has.
 Where other parts of a surface meet, as after a shear, roles may change on a line in the contact.
 Two nodes that face each other there would have one gap; one of them hands its multiplier over, see
 ``space_mortar``.
+
+Facets that are neighbours along the surface are not paired, see ``kernels.sight``; like any other
+facet in between, they hide facets behind them. Facets that meet at a junction of cracks but are not
+faces of one crack are not paired either: they touch in a point, as parts opposite each other where
+two cracks cross. Corners that overlap by rounding could be separated along either crack, and the
+gap along the crack that slides would be minus the slip.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _check_folds(surface: Faces, places: Array) -> None:
 
 
 def _distances(graph: csr_array, places: Array, firsts: Indices) -> Array:
-    """Lengths of the shortest ways between the middles of facets to the first ones, (f,)."""
+    """Lengths of the shortest ways from facets to the first ones, by their middles, (f,)."""
     i, j = graph.nonzero()
     lengths = np.linalg.norm(places[i] - places[j], axis=1)
     ways = coo_array((lengths, (i, j)), shape=graph.shape).tocsr()
@@ -166,7 +166,7 @@ def ends_at_junctions(surface: Curve) -> Indices:
     """Junction of cracks at both ends of each facet and crack that leaves it, (f, 2, 2) (local).
 
     -1 where there is none. Faces are those of one crack if they fold back on each other at the
-    junction, see ``curves.FOLD``. Tips count as junctions of one crack.
+    junction, see ``curve_surface.FOLD``. Tips count as junctions of one crack.
     """
     found = np.full((len(surface.facets), 2, 2), -1, np.int64)
     _, node, count = np.unique(surface.nodes, return_inverse=True, return_counts=True)

@@ -24,32 +24,35 @@ columns of a facet are its own nodes, then the nodes of all master facets that i
 Formulas: Puso & Laursen (2004); Popp, Gitterle, Gee & Wall (2010); dual functions of the covered
 part: Cichosz & Bischoff (2011), Popp, Seitz, Gee & Wall (2013).
 
-Evaluation of the mortar operators in space: normals, pairs of facets, integrals.
+``evaluate_space`` averages the nodal normals, finds the pairs of facets, and integrates over them;
+``SpaceOperators`` differentiates the integrals.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.faces import FacetPairs, find_pairs
+from fenics_mortar.interface.faces import FacetPairs
 from fenics_mortar.interface.integrals import MortarInput, choose_facets, sum_over_facets
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
 from fenics_mortar.kernels.space import integrals
+from fenics_mortar.kernels.space import pairs as pair_kernels
 from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.linearize import linearize_facets
+from fenics_mortar.kernels.space.normals import padded
 from fenics_mortar.kernels.space.shapes import triangle_rule
 from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.faces import Faces
-    from fenics_mortar.interface.mortar import ByEntries
+    from fenics_mortar.interface.mortar import BodiesBehind, ByEntries, MortarOptions
     from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import FaceRoles
 
@@ -100,6 +103,7 @@ class SpaceOperators(MortarOperators):
     gap_by_dual: bool
     rule: tuple[Array, Array]
     offset: Array
+    is_linearized_late: ClassVar[bool] = True
     # derivatives found so far, and the multipliers ``z`` (slave nodes, c) of the forces
     _found: dict[str, Array] = field(default_factory=dict, init=False, compare=False, repr=False)
     # the last two results of ``near``: with multipliers that act, and with slip
@@ -420,12 +424,48 @@ def inverse_of(Me: Array) -> Array:
 LEAST_WEIGHT = 0.5
 
 
+def _merge(owner: Indices, master: Indices, count: int) -> tuple[Indices, Indices]:
+    """Master nodes of all pairs of a facet, and the places of each pair's nodes among them (local).
+
+    Args:
+        owner: Facet of each pair, ascending, shape (p,).
+        master: Master nodes of the pairs, shape (p, K').
+        count: Number of facets.
+
+    Returns:
+        Nodes, ascending, -1 for none, shape (count, L), and places, shape (p, K').
+    """
+    size = master.max(initial=0) + 1
+    keys, number = np.unique((owner[:, None] * size + master).ravel(), return_inverse=True)
+    facet, node = np.divmod(keys, size)
+    at = np.arange(keys.size) - np.searchsorted(facet, facet)
+    return padded(facet, node, count), at[number].reshape(master.shape)
+
+
+def find_pairs(
+    slave: Faces, master: Faces, x: Array, m: Array, share: Indices, options: MortarOptions,
+    behind: BodiesBehind | None = None,
+) -> FacetPairs:  # fmt: skip
+    """Master facets that the slave facets ``share`` (f,) face, within the limits (local)."""
+    offsets, masters = pair_kernels.find_pairs(
+        x, m, slave.facets, master.facets, share, options.radius, options.min_cosine,
+        behind and tuple(behind.of(share)), slave.roles and slave.roles.of(share),
+    )  # fmt: skip
+    owner = np.repeat(np.arange(share.size), np.diff(offsets))
+    on_master = master.facets[masters]
+    merged, places = _merge(owner, on_master, share.size)
+    return FacetPairs(
+        facets=share, offsets=offsets, slave=slave.facets[share][owner], master=on_master,
+        numbers=masters, owner=owner, merged=merged, places=places,
+    )  # fmt: skip
+
+
 def evaluate_space(given: MortarInput) -> SpaceOperators:
     """Evaluate the mortar operators of faces at current positions (collective).
 
     Functions of nodes without multiplier are handed over to the others of their facets.
     """
-    slave, master, x, m, multiplier_nodes, _, options, linearization, behind, _ = given
+    slave, master, x, m, multiplier_nodes, _, options, linearization, behind, *_ = given
     share, s, (n, dn) = choose_facets(given)
     if s is None:
         s = find_pairs(slave, master, x, m, share, options, behind)

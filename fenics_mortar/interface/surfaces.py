@@ -2,8 +2,12 @@
 """Contact surfaces: facets with given tags, replicated on every rank.
 
 A surface is a set of curves in the plane, see ``curve_surface``, or of faces in space, see
-``faces``. It has O(N^((d - 1) / d)) nodes if the bulk has N in d dimensions, so every rank stores
-all of it: the contact evaluation does not depend on the ownership of facets. The numbering of nodes
+``faces``. Both are made from ``tagged_facets``, whose nodes are in order, with the body on the left
+(``outward_nodes``), and gathered from all ranks. ``Roles`` are the slave and master roles of the
+facets of a surface that may touch itself, see ``self_contact``.
+
+A surface has O(N^((d - 1) / d)) nodes if the bulk has N in d dimensions, so every rank stores all
+of it: the contact evaluation does not depend on the ownership of facets. The numbering of nodes
 follows from coordinates and input numbers alone; it does not depend on the partition of the mesh.
 
 Communication per rank and Newton iteration in the plane, with S slave nodes, M master nodes and B
@@ -24,12 +28,6 @@ The work on all nodes (normals, tree of boxes) is repeated on each rank. With th
 "iterative", the strip along the interface costs more: its right-hand side is sent to all ranks in
 each linear iteration, and each rank factorizes the whole strip. The README of
 `demos.studies.performance` has measurements and a simulation of up to 1000 ranks.
-
-Integrals of shape functions over facets, with or without a thickness.
-
-Facets with given tags, with their nodes in order and the body on the left.
-
-Slave and master roles of the facets of a surface that may touch itself; see ``self_contact``.
 """
 
 from __future__ import annotations
@@ -50,7 +48,6 @@ import basix
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.kernels.sight import tabulate_masters
 from fenics_mortar.kernels.space.normals import facets_around
 from fenics_mortar.mesh.space import cells_of_facets
@@ -145,11 +142,13 @@ class Surface(SurfaceNodes, ABC):
         name: Name used in messages.
         facets: Nodes of each facet, shape (m, K).
         thickness: Out-of-plane thickness in the plane; ``None`` if it is one, and in space.
+        roles: Which facets are masters of which, of a surface that may touch itself.
     """
 
     name: str
     facets: Indices
     thickness: NodalThickness | None = None
+    roles: Roles | None = None
 
     @cached_property
     def extent(self) -> float:
@@ -167,11 +166,6 @@ class Surface(SurfaceNodes, ABC):
         return facets_around(self.facets, self.num_nodes)
 
     @cached_property
-    def sharp_edges(self) -> SharpEdges:
-        """Corners, in space sharp edges, inside the surface."""
-        return SharpEdges(self)
-
-    @cached_property
     def corners(self) -> Indices:
         """Nodes at the corners of each facet, counter-clockwise, in the plane its ends, (m, c)."""
         return self.facets[:, reference.corner_places(self.facets.shape[1], self.dim)]
@@ -180,6 +174,11 @@ class Surface(SurfaceNodes, ABC):
     def degree(self) -> int:
         """Polynomial degree of the facets."""
         return 1 if self.corners.shape == self.facets.shape else 2
+
+    @cached_property
+    def functions_move(self) -> bool:
+        """Whether multiplier functions change with the positions of wholly covered facets."""
+        return self.degree > 1 or (self.thickness is not None and self.thickness.by_x != 0.0)
 
     @cached_property
     def inner(self) -> Flags:
@@ -213,7 +212,7 @@ class Surface(SurfaceNodes, ABC):
 
     @cached_property
     def measures(self) -> Array:
-        """Those without the thickness, shape (m, K) [length, in space area]."""
+        """``areas`` without the thickness, shape (m, K) [length, in space area]."""
         if self.thickness is None:
             return self.areas
         return shape_products(self.X[self.facets]).sum(axis=2)

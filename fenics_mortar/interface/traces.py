@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""A scalar field on a contact surface: values at the nodes, and their dofs.
+"""The surfaces of a pair, and the values of scalar fields on them.
 
-The values at the surface's nodes are E times the dofs. A field of the displacement's degree has one
-dof at each node, with weight 1. A field of degree 1 beside a displacement of degree 2 has none at
-nodes inside edges and facets; its value there is the mean of their corners. E is then part of D and
-M of the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
-
-The surface of some boundary tags: curves in the plane, faces in space. The two surfaces of a pair:
-extraction, checks, substitutes of nodes without weight.
+``extract_surface`` makes the surface of some boundary tags, ``surfaces_of`` those of a pair, with
+checks of shared nodes; ``substitutes_of`` replaces nodes without weight. ``Trace`` gives the values
+of a scalar field at the nodes of a surface by its dofs.
 """
 
 from __future__ import annotations
@@ -42,6 +38,11 @@ if TYPE_CHECKING:
 class Trace:
     """A scalar field on a surface.
 
+    The values at the surface's nodes are E times the dofs. A field of the displacement's degree has
+    one dof at each node, with weight 1. A field of degree 1 beside a displacement of degree 2 has
+    none at nodes inside edges and facets; its value there is the mean of their corners. E is then
+    part of D and M of the field: jumps are D E T, and the loads of fluxes q are E^T D^T q.
+
     Attributes:
         surface: The surface.
         dofs: Global dofs that determine the value at each node, -1 for none, shape (n, r).
@@ -73,7 +74,7 @@ class Trace:
         return Block(dofs, block.columns, np.ascontiguousarray(np.swapaxes(values, 1, 2)))
 
     def interpolation(self, dofs: Indices) -> csr_array:
-        """E, with columns in the order of some dofs (d,), ascending, that hold its own (local).
+        """E, with a column for each of some dofs (d,), ascending, which include its own (local).
 
         Returns:
             Shape (n, d) [1].

@@ -26,8 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.fields import INDEPENDENT
 from fenics_mortar.contact.interface import Reference, place_of
-from fenics_mortar.contact.interface_fields import INDEPENDENT
 from fenics_mortar.contact.law_calls import Instant
 from fenics_mortar.io.paraview import check_problem
 from fenics_mortar.mesh.space import mesh_by_input_node, set_by_input_node

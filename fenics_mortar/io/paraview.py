@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Time series of several blocks for ParaView.
+"""Time series for ParaView, and the values of bodies, surfaces and obstacles in files and pictures.
 
-``<path>.pvd`` lists the steps, one ``.vtm`` file each, which names the blocks and the ``.vtu`` file
-of each of them; these are in the folder ``<path>``. Each cell of the bulk is written by the rank
-that owns it. Contact surfaces are small and replicated on all ranks; the first rank writes them.
+``ResultsWriter`` writes the series. ``<path>.pvd`` lists the steps, one ``.vtm`` file each, which
+names the blocks and the ``.vtu`` file of each of them; these are in the folder ``<path>``. Each
+cell of the bulk is written by the rank that owns it. Contact surfaces are small and replicated on
+all ranks; the first rank writes them.
 
-What files, tables and pictures contain: values of bodies and surfaces, outlines of obstacles.
-
-Lagrange functions are evaluated at the nodes of the displacement, other UFL expressions at the
-midpoints of the cells, or averaged over them if they contain functions that exist
-at quadrature points only.
+``CellField`` and ``surface_fields`` give the values on bodies and surfaces, ``outline`` the
+outlines of obstacles, ``contact_table`` a table of the pairs. Lagrange functions are evaluated at
+the nodes of the displacement, other UFL expressions at the midpoints of the cells, or averaged over
+them if they contain functions that exist at quadrature points only.
 """
 
 from __future__ import annotations
@@ -32,14 +32,7 @@ from fenics_mortar.bulk.cells import DEGREES, lagrange, midpoint_of
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.errors import (
-    MortarError,
-    check_kind,
-    check_number,
-    check_same_texts,
-    together,
-)
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.files import (
     MarkdownText,
     make_folder,
@@ -63,7 +56,7 @@ def check_problem(problem: Any) -> None:
     Raises:
         ValueError: If the object is not a problem.
     """
-    check_kind("problem", problem, ContactProblem, "a ContactProblem")
+    errors.check_kind("problem", problem, ContactProblem, "a ContactProblem")
 
 
 def check_name(name: Any) -> None:
@@ -74,7 +67,7 @@ def check_name(name: Any) -> None:
     """
     if not isinstance(name, str) or not name or name == "displacement":
         expected = "expected a non-empty string other than 'displacement'"
-        raise MortarError(f"field {name!r} cannot be evaluated: {expected}")
+        raise errors.MortarError(f"field {name!r} cannot be evaluated: {expected}")
 
 
 def owned_cells(problem: ContactProblem) -> Indices:
@@ -269,7 +262,7 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices
         phi, gradient, _ = obstacle.evaluate(points)
         points = points - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
     if not len(parts):
-        points = np.tile(obstacle.pivot + obstacle.place[:dim], (dim, 1))
+        points = np.tile(obstacle.present_pivot, (dim, 1))
         parts = np.arange(dim)[None]
     own = obstacle.to_own_frame(points)
     return own, parts, points - own
@@ -425,14 +418,16 @@ class ResultsWriter:
         """Compile the fields and create the folder (collective)."""
         check_problem(problem)
         self._problem, self._comm, self._times = problem, problem.equations.comm, list[float]()
-        with together(self._comm, "ResultsWriter"):
-            check_kind("path", path, (str, Path), "the name of a file")
+        with errors.together(self._comm, "ResultsWriter"):
+            errors.check_kind("path", path, (str, Path), "the name of a file")
             if fields is not None:
-                check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
+                errors.check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
             for name in fields or {}:
                 check_name(name)
         names = {str(number): name for number, name in enumerate(fields or {})}
-        check_same_texts(self._comm, "ResultsWriter", {"number of fields": len(names), **names})
+        errors.check_same_texts(
+            self._comm, "ResultsWriter", {"number of fields": len(names), **names}
+        )
         self._fields, self._nodal = dict[str, CellField](), dict[str, CellField]()
         for name, field in (fields or {}).items():
             at_nodes = has_nodes(problem, field)
@@ -463,8 +458,8 @@ class ResultsWriter:
             ValueError: On all ranks, if ``time`` is not a finite number.
         """
         problem = self._problem
-        with together(self._comm, "write"):
-            check_number("time", time, "a finite number", np.isfinite)
+        with errors.together(self._comm, "write"):
+            errors.check_number("time", time, "a finite number", np.isfinite)
         u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
         cell_data = {name: field.evaluate() for name, field in self._fields.items()}
         data = {"displacement": u[dofs[self._nodes]]}

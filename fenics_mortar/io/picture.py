@@ -12,30 +12,7 @@ import numpy as np
 
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.io.paraview import (
-    GRID,
-    CellField,
-    check_name,
-    check_problem,
-    evaluated_contacts,
-    grid,
-    owned_cells,
-    with_margin,
-)
-from fenics_mortar.io.solids import (
-    BODIES,
-    GREY,
-    INK,
-    LEGEND,
-    PRESSURE,
-    Facets,
-    Style,
-    colours,
-    draw_solids,
-    label_axes,
-    pressure_label,
-    rings_of_skin,
-)
+from fenics_mortar.io import paraview, solids
 from fenics_mortar.utils.errors import check_kind, check_number, together
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
@@ -94,24 +71,26 @@ def plot(
         ValueError: On all ranks, if an argument is of another type, or neither ``path`` nor ``ax``
             is given.
     """
-    check_problem(problem)
+    paraview.check_problem(problem)
     comm = problem.equations.comm
     with together(comm, "plot"):
         _check(path, scale, units, limits, ax, first=comm.rank == 0)
         if stress is not None:
-            check_name(label)
-    values = None if stress is None else CellField(problem, stress, label, rank=0).evaluate()
+            paraview.check_name(label)
+    values = (
+        None if stress is None else paraview.CellField(problem, stress, label, rank=0).evaluate()
+    )
     file = None
     if comm.bcast(path is not None):
         file = without_suffix(comm, "" if path is None else path, ".png")
         make_folder(comm, file.parent)
-    style = Style(None if stress is None else label, title, scale, units, limits, cmap)
+    style = solids.Style(None if stress is None else label, title, scale, units, limits, cmap)
     parts = _gathered_facets(problem, values, scale)
-    contacts = [c for c in evaluated_contacts(problem) if not isinstance(c, Tie)]
-    draw_bodies = draw_section if problem.equations.bulk.space.dim == 2 else draw_solids
+    contacts = [c for c in paraview.evaluated_contacts(problem) if not isinstance(c, Tie)]
+    draw_bodies = draw_section if problem.equations.bulk.space.dim == 2 else solids.draw_solids
 
     def draw() -> None:
-        facets = Facets(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        facets = solids.Facets(*(np.concatenate(each) for each in zip(*parts, strict=True)))
         axes = draw_bodies(problem, ax, facets, contacts, style)
         if file is not None:
             write_whole(file.with_name(f"{file.name}.png"), partial(_save, axes.figure))
@@ -122,7 +101,7 @@ def plot(
 
 
 def _save(figure: Any, path: Any) -> None:
-    """Write a figure without the white around it: axes in space have much."""
+    """Write a figure without its white margins, which are wide around axes in space."""
     from matplotlib.image import imread, imsave
 
     drawn = BytesIO()
@@ -144,17 +123,21 @@ def _gathered_facets(problem: ContactProblem, values: Array | None, scale: float
     """
     bulk = problem.equations.bulk
     x = bulk.cells.X + scale * bulk.u.x.array[bulk.space.dofs]
-    rings = owned_cells(problem)
+    rings = paraview.owned_cells(problem)
     cells = np.arange(len(rings))
     if bulk.space.dim == 3:
-        cells, rings = rings_of_skin(bulk.V)
+        cells, rings = solids.rings_of_skin(bulk.V)
     nodes = bulk.V.dofmap.index_map.local_to_global(rings.ravel().astype(np.int32))
     given = np.zeros(len(rings)) if values is None else values[cells]
     return bulk.comm.gather((x[rings], nodes.reshape(rings.shape), given))
 
 
 def draw_section(
-    problem: ContactProblem, ax: Any, facets: Facets, contacts: list[Any], style: Style
+    problem: ContactProblem,
+    ax: Any,
+    facets: solids.Facets,
+    contacts: list[Any],
+    style: solids.Style,
 ) -> Any:
     """Draw plane bodies into axes, or into new ones; see ``draw_solids`` (local)."""
     low, high = facets.rings.min(axis=(0, 1)), facets.rings.max(axis=(0, 1))
@@ -164,13 +147,15 @@ def draw_section(
     values = None if style.label is None else facets.values
     bodies = _draw_bodies(axes, facets.nodes, facets.rings, values)
     if style.label is not None:
-        bodies.set(**colours(facets.values, style))
+        bodies.set(**solids.colours(facets.values, style))
         inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
         bar = axes.figure.colorbar(bodies, cax=inset, label=style.label)
         bar.outline.set_visible(False)
-    _draw_obstacles(axes, problem.equations.motions.obstacles, *with_margin(low, high))
+    _draw_obstacles(axes, problem.equations.motions.obstacles, *paraview.with_margin(low, high))
     _draw_pressure(axes, contacts, style, 0.1 * float(np.sqrt(np.prod(high - low))))
-    label_axes(axes, "rz" if problem.equations.bulk.space.is_axisymmetric else "xy", style, 6)
+    solids.label_axes(
+        axes, "rz" if problem.equations.bulk.space.is_axisymmetric else "xy", style, 6
+    )
     _finish_axes(axes)
     return axes
 
@@ -213,11 +198,11 @@ def _finish_axes(axes: Any) -> None:
         below = axes.transAxes + ScaledTranslation(0.0, -0.45, inches)  # numbers and axis label
         width = axes.get_window_extent().width / axes.figure.dpi
         columns = 2 if 2 * 0.07 * max(map(len, entries)) < width else 1  # width of a letter [inch]
-        axes.legend(**LEGEND, bbox_to_anchor=(0.0, 0.0), bbox_transform=below, ncols=columns)
+        axes.legend(**solids.LEGEND, bbox_to_anchor=(0.0, 0.0), bbox_transform=below, ncols=columns)
     axes.margins(0.03)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(GREY)
-    axes.tick_params(color=GREY)
+    axes.spines[["left", "bottom"]].set_color(solids.GREY)
+    axes.tick_params(color=solids.GREY)
 
 
 def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:
@@ -226,28 +211,28 @@ def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | Non
 
     around = OUTLINE[nodes.shape[1]]
     nodes, polygons = nodes[:, around], polygons[:, around]
-    cells = PolyCollection(polygons, facecolors=BODIES[0])
+    cells = PolyCollection(polygons, facecolors=solids.BODIES[0])
     cells.set(array=values, edgecolors=(0.1, 0.1, 0.1, 0.35))
     cells.set(linewidths=min(0.35, 12.0 / np.sqrt(len(nodes))))
     edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
     ends = np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2, 2)
     _, first, count = np.unique(np.sort(edges), axis=0, return_index=True, return_counts=True)
     axes.add_collection(cells)
-    axes.add_collection(LineCollection(ends[first[count == 1]], colors=INK, linewidths=0.8))
+    axes.add_collection(LineCollection(ends[first[count == 1]], colors=solids.INK, linewidths=0.8))
     return cells
 
 
 def _draw_obstacles(axes: Any, obstacles: list[Obstacle], low: Array, high: Array) -> None:
     """Draw the solid parts of obstacles, phi < 0, in a box."""
-    x, y, points = grid(low, high)
+    x, y, points = paraview.grid(low, high)
     for obstacle in obstacles:
-        phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
+        phi = obstacle.evaluate(points)[0].reshape(paraview.GRID, paraview.GRID)
         if phi.min() < 0.0:
-            axes.contourf(x, y, phi, [phi.min(), 0.0], colors=[GREY], alpha=0.35, zorder=0)
-            axes.contour(x, y, phi, [0.0], colors=[INK], linewidths=0.8)
+            axes.contourf(x, y, phi, [phi.min(), 0.0], colors=[solids.GREY], alpha=0.35, zorder=0)
+            axes.contour(x, y, phi, [0.0], colors=[solids.INK], linewidths=0.8)
 
 
-def _draw_pressure(axes: Any, contacts: list[Contact], style: Style, height: float) -> None:
+def _draw_pressure(axes: Any, contacts: list[Contact], style: solids.Style, height: float) -> None:
     """Draw the pressure along the outer normals of the slave surfaces, and its maximum."""
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -264,6 +249,6 @@ def _draw_pressure(axes: Any, contacts: list[Contact], style: Style, height: flo
         stems = np.stack([foot, tip], axis=1)[np.unique(facets)]
         thin = min(0.5, 16.0 / len(stems))
         for lines, thickness in ((stems, thin), (tip[facets], 1.2), (foot[facets], 1.2)):
-            axes.add_collection(LineCollection(lines, colors=PRESSURE, linewidths=thickness))
-        label = pressure_label(contacts, contact, style)
-        axes.plot(*tip[pressure.argmax()], "o", markersize=4, color=PRESSURE, label=label)
+            axes.add_collection(LineCollection(lines, colors=solids.PRESSURE, linewidths=thickness))
+        label = solids.pressure_label(contacts, contact, style)
+        axes.plot(*tip[pressure.argmax()], "o", markersize=4, color=solids.PRESSURE, label=label)

@@ -3,10 +3,10 @@
 
 Axes, numbers, colours and legend are those of matplotlib. Facets are drawn by pyvista, with the
 camera of the axes, where it is installed and can draw without a screen. Elsewhere matplotlib draws
-those that face the camera, from behind, and no order shows those right that cover each other in
-turn, as the sides of two bodies in contact may do.
+those that face the camera, from the back to the front. No order is right for facets that cover each
+other in turn, as the sides of two bodies in contact may do.
 
-Colours, labels and legends are those of pictures in the plane, too.
+``colours``, ``pressure_label`` and ``label_axes`` are those of pictures in the plane, too.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.interface.surfaces import outward_nodes
 from fenics_mortar.mesh.space import cells_of_facets
+from fenics_mortar.utils.arrays import at_rows
 
 if TYPE_CHECKING:
     from fenics_mortar.problem import ContactProblem
@@ -44,7 +45,7 @@ SIGNED = 0.2
 
 
 class Style(NamedTuple):
-    """Arguments of ``plot``, see there; without a field ``label`` is ``None``."""
+    """Arguments of ``plot``; without a field ``label`` is ``None``."""
 
     label: str | None
     title: str | None
@@ -85,7 +86,7 @@ LEGEND = {
 
 
 def label_axes(axes: Any, names: Sequence[str], style: Style, numbers: int) -> None:
-    """Labels with units, about so many small numbers, and the scale of the displacement (local)."""
+    """Label axes with units, about ``numbers`` ticks, and the scale of displacements (local)."""
     for direction, name in zip("xyz", names, strict=False):
         label = name if style.units is None else f"{name} [{style.units[0]}]"
         getattr(axes, f"set_{direction}label")(label, fontsize=9)
@@ -218,7 +219,7 @@ def _set_limits(axes: Any, facets: Facets) -> Facets:
             inside = ((places >= low - little) & (places <= high + little)).all(axis=1)
             if not inside.any():
                 raise ValueError(f"{name}lim={(low, high)}: no facet lies within these limits")
-            facets = Facets(*(part[inside] for part in facets))
+            facets = at_rows(facets, inside)
     for k, name in enumerate("xyz"):
         if name in free:
             places = facets.rings[..., k]
@@ -407,7 +408,7 @@ def _set_camera(camera: Any, points: Array, size: Indices, frame: Frame) -> None
 
 @contextmanager
 def _no_screen() -> Iterator[None]:
-    """VTK does not look for a screen first, of whose lack it complains."""
+    """Context in which VTK does not look for a screen first, and report that there is none."""
     name = "VTK_DEFAULT_OPENGL_WINDOW"
     before = os.environ.get(name)
     os.environ.setdefault(name, "vtkEGLRenderWindow")

@@ -41,7 +41,7 @@ class _Progress:
         self._prints = next((os.environ[v] for v in RANK if v in os.environ), "0") == "0"
 
     def begin(self, function) -> None:
-        """A kernel is compiled now, perhaps within another one that calls it."""
+        """The compilation of a kernel begins, perhaps within that of one that calls it."""
         self._compiled.add((_package(function), function.__qualname__))
         if self._depth == 0:
             self._began = time.monotonic()
@@ -57,7 +57,7 @@ class _Progress:
             )  # fmt: skip
 
     def end(self) -> None:
-        """The kernel is compiled."""
+        """The compilation of a kernel ends."""
         self._depth -= 1
         if self._depth == 0:
             self._spent += time.monotonic() - self._began
@@ -109,19 +109,19 @@ class _PartCompiler(_NamingCompiler):
 
 
 class _Lock:
-    """Lock on a file, which a process has while it loads machine code, or compiles and saves it."""
+    """Lock on a file, held by a process while it loads machine code, or compiles and saves it."""
 
     def __init__(self) -> None:
         self._file: int | None = None
 
     def take(self, path):
-        """Wait for other processes; without locks, or with those of another user, all go on."""
+        """Wait for other processes; no process waits if the file cannot be locked."""
         with suppress(OSError):
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
             fcntl.flock(self._file, fcntl.LOCK_EX)
 
     def release(self):
-        """Let another process go on, if this one has the lock."""
+        """Let another process go on, if this one holds the lock."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -143,7 +143,7 @@ DIGEST = _digest()
 
 
 class _ByContents(FunctionCache._impl_class._locator_classes[0]):
-    """Folder in NUMBA_CACHE_DIR: that of these kernels instead of that of this clone."""
+    """Folder in NUMBA_CACHE_DIR, named by the contents of the kernels instead of the clone."""
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file):
@@ -159,7 +159,8 @@ class _Cache(FunctionCache):
     """Cache of the machine code of a kernel, known by the contents of files instead of times.
 
     Of processes that need it at the same time, such as all ranks in the first run, one compiles it.
-    Made when the kernel is used: numba tries whether files can be made, and few kernels are used.
+    It is made when the kernel is used: numba then tests whether it can write files, and few kernels
+    are used.
     """
 
     _impl_class = _Implementation
@@ -175,7 +176,7 @@ class _Cache(FunctionCache):
         return super().__getattribute__(name)
 
     def load_overload(self, sig, target_context):
-        """Load the machine code, and wait for it if another process compiles it now."""
+        """Load the machine code; wait for it if another process is compiling it."""
         found = super().load_overload(sig, target_context)
         if found is None:
             self._impl.locator.ensure_cache_path()

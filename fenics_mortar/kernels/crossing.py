@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Crossing boundaries: segments of outlines that cross in a state.
+"""Outlines that cross in a state: crossings of their segments, and depths of overlap.
 
 ==========  ======================================================================  ==============
 symbol      meaning                                                                 shape
@@ -16,7 +16,8 @@ Where two segments cross, at P, each outline enters the other body. Both outline
 from P. The depth of a node of one trace is its distance from the other one, as long as the node is
 on the inner side: a lens between faceted curves is shallow, a tip through a plate is deep.
 
-Interpolation in a triangulation.
+``find_crossings`` returns the crossings with these depths. ``interpolate``, for ``bulk.cells``,
+evaluates nodal values between the nodes of triangles.
 """
 
 import numpy as np
@@ -189,8 +190,8 @@ def is_out_at_once(outlines, links, f, forward, P, p):
     """Whether the path from P (2,) to p (2,) leaves the other body within a facet of P.
 
     The outline of the other body is followed outwards from P on segment ``f``, against ``forward``,
-    over the length of one facet. Example: the
-    nearly collinear tops of two adjacent blocks that overlap by rounding.
+    over the length of one facet. Example: the nearly collinear tops of two adjacent blocks that
+    overlap by rounding.
     """
     x, segments, lengths, _ = outlines
     here, arc, e = P, 0.0, f

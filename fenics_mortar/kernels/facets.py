@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""D, M, the weighted gap and all derivatives of slave facets, from their quadrature points.
+"""D, M, the weighted gap and their derivatives on slave facets; Jacobian determinants of cells.
 
 Each point has its weight W, gap g and coordinates xi on the slave and eta on the master facet, in a
 surface of any dimension, and the derivatives of these s numbers. They come from the facets of two
@@ -27,9 +27,8 @@ respect to the nodes of each segment k: hence the pairs (i, k). They vary on cur
 does, and where the facet is partly covered and an end of the cover moves. Otherwise the sum of
 these terms over the segments is zero, and they are left out.
 
-Jacobian determinants of cells, of the plane or in space, at nodes or at quadrature points.
-
-Multiplier functions of a partly covered facet, and the functions that weight its gap.
+**Multiplier functions.** Those of a partly covered facet, and the functions that weight its gap,
+follow from the moments of the first pass:
 
 ===========  ====================================================================  ===========
 symbol       meaning                                                               shape
@@ -81,7 +80,7 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import add_row, copy_row, copy_rows
 
 DUAL, STANDARD = range(2)
-# Functions that weight the gap, see above
+# Functions that weight the gap, see the module
 BY_BASIS, BY_COVER, BY_STANDARD = range(3)
 
 
@@ -352,7 +351,7 @@ def apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp):
 
 @kernel
 def facet_work(most, count, others, example):
-    """Arrays that ``integrate_facet`` overwrites, for at most so many segments of a facet.
+    """Arrays that ``integrate_facet`` overwrites, for at most ``most`` segments of a facet.
 
     ``example`` (p, s, C): rows of points, which have the kind and the number of columns.
     """
@@ -490,8 +489,8 @@ def integrate_whole_facets(points, H, kinds, values, derivatives):
 def tabulate_volumes(x, cells, gradients, volumes):
     """Fill ``volumes`` (cells, p) with the determinant of dx/dX at p points of each cell.
 
-    At a corner of a straight cell of the plane this is twice the area of the triangle of its two
-    edges there.
+    The points are nodes or quadrature points of cells of the plane or of space. At a corner of a
+    straight cell of the plane this is twice the area of the triangle of its two edges there.
 
     Args:
         x: Positions of all nodes, shape (n, dim) [length].

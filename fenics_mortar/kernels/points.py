@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Quadrature points of segments in the plane, with all derivatives.
+"""Segments of two surfaces in the plane: quadrature points with all derivatives, and integrals.
 
 A segment is a part of a slave facet with partners on one master facet, and a list of points
 xi = c + h s, -1 <= s <= 1, with weights whose sum is 2. Either its ends are those of the
@@ -24,15 +24,10 @@ columns    positions that final derivatives refer to: slave nodes of the facet  
            before, of this one and of the one after, then master nodes
 =========  =========================================================================  ===========
 
-With the partner x^ = x + alpha n, tau = (-n_y, n_x), a = dm/deta and b = (a_y, -a_x):
-
-    d eta   = p . (L dm - N dx - alpha N dn),   p = -tau / (tau . a)
-    d alpha = q . (L dm - N dx - alpha N dn),   q = b / (b . n)
-
-The derivatives are those of Popp, Gee & Wall (2009). What follows from the points, D, M and the
-weighted gap, is the same in any dimension: see ``facets``.
-
-Integrals over the segments of two surfaces in the plane: points, then D, M and the gap.
+``tabulate_points`` evaluates the points of a facet, each by ``differentiate_point``, and their
+derivatives are chained to nodal positions. What follows from the points, D, M and the weighted gap,
+is the same in any dimension, see ``facets``; ``integrate_segments`` does all of it for the facets
+of a surface. The derivatives are those of Popp, Gee & Wall (2009).
 """
 
 import numpy as np
@@ -72,6 +67,11 @@ def differentiate_point(y, s, w, ends, dends, N, L, table, at):
 
     ``s`` and ``w`` are its coordinate and weight, ``dends`` (2, 6 K) the derivatives of the
     ``ends``; ``N`` and ``L`` (3, K) are filled, too.
+
+    With the partner x^ = x + alpha n, tau = (-n_y, n_x), a = dm/deta and b = (a_y, -a_x):
+
+        d eta   = p . (L dm - N dx - alpha N dn),   p = -tau / (tau . a)
+        d alpha = q . (L dm - N dx - alpha N dn),   q = b / (b . n)
     """
     count, rows = N.shape[1], table[at]
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
@@ -216,7 +216,7 @@ def tabulate_points(geometry, nodes, segments, rule, move_ends, thickness, work,
         segments: (master nodes (n, K), end_is_fixed (n, 2), ends (n, 2)) of the facet.
         rule: (s (r,), w (r,), spans (n, 2)): points of segment i are spans[i, 0]:spans[i, 1].
         move_ends: Whether the ends of segments have derivatives.
-        thickness: See ``segments.integrate_segments``.
+        thickness: See ``integrate_segments``.
         work: See ``points_work``.
         points: (W and g (p, 2); rows (p, 4, 6 K); T (p, 2, K) and L (p, 2, K), with derivatives by
             xi and eta; first point of each segment (n + 1,)); filled.
@@ -266,7 +266,7 @@ def tabulate_points(geometry, nodes, segments, rule, move_ends, thickness, work,
 
 @kernel
 def points_work(most, count, example):
-    """Arrays that ``tabulate_points`` overwrites, for at most so many segments of a facet.
+    """Arrays that ``tabulate_points`` overwrites, for at most ``most`` segments of a facet.
 
     These are y (n, 6 K), ends (n, 2), their derivatives by y (n, 2, 6 K), shape functions of both
     facets (3, K), real functions (3, K) and (1, 2, K), thickness (K,); of the kind of ``example``.

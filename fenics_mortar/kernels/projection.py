@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Projections along the continuous field of slave normals, for facets of K = 2 or 3 nodes.
+"""Averaged slave normals in the plane and projections along them, for facets of K = 2 or 3 nodes.
+
+``tabulate_normals`` averages the normals at the nodes; with the shape functions of
+``tabulate_shapes`` they are a continuous field. ``slave_to_master`` and ``master_to_slave`` project
+along it from one facet to the other, and ``segment_ends`` differentiates the ends of segments found
+by ``search``.
 
 ===========  ====================================================================  =========
 symbol       meaning                                                               shape
@@ -16,32 +21,6 @@ n(xi)        N n, not normalized; tau(xi) = (-n_y, n_x)                         
 Both directions use the normals of the slave, so each is the inverse of the other: a master point
 x_m and a slave point x(xi) are partners if q(xi) = tau(xi) . (x_m - x(xi)) = 0 (Popp, Gee & Wall
 2009, section 4).
-
-Lagrange shape functions of facets with two or three equidistant nodes on [-1, 1].
-
-Averaged nodal normals of a chain of facets, straight or curved, with their derivatives.
-
-=========  ==========================================================  ====================
-symbol     meaning                                                     shape
-=========  ==========================================================  ====================
-x          current positions of the nodes                              (n, 2)
-e          edge of a facet at a node: twice the tangent dx/dxi there   (2,)
-t, l, nu   unit tangent, length of e and normal of one facet           (2,), (), (2,)
-m          weighted sum of the normals of the facets at a node         (2,)
-n          unit normal m / |m|; tau = (-n_y, n_x)                      (n, 2)
-dn_dx      derivative of n by positions of nodes along the curve: p    (n, 2, 2 (2 p + 1))
-           nodes before, the node itself, p nodes after; p = degree
-=========  ==========================================================  ====================
-
-The body is on the left of a facet: nu = (t_y, -t_x). The derivatives follow from dl = t . de,
-l dnu = -t (nu . de) and dn = tau (tau . dm) / |m|. The edge of a straight facet is the vector from
-the first to the second node. The edge of a curved facet at an end node depends on all three nodes,
-and at the inner node on the two end nodes.
-
-The normal of a facet is weighted by the length of the *other* edge (``OPPOSITE``: with straight
-facets, n is then the normal of the circle through the three nodes, exact on any mesh of a circle;
-Yang, Laursen & Meng 2005), by one (``UNIT``: Popp, Gee & Wall 2009 as implemented by most codes),
-or by the length of the facet's edge itself (``OWN``).
 """
 
 import numpy as np
@@ -52,7 +31,10 @@ from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, MAX_STEPS
 
 @kernel
 def tabulate_shapes(xi, N):
-    """Fill ``N`` (3, K): shape functions at ``xi``, then their first and second derivatives."""
+    """Fill ``N`` (3, K): shape functions at ``xi``, then their first and second derivatives.
+
+    They are the Lagrange functions of two or three equidistant nodes on [-1, 1].
+    """
     if N.shape[1] == 2:
         N[0, 0], N[0, 1] = 0.5 * (1.0 - xi), 0.5 * (1.0 + xi)
         N[1, 0], N[1, 1] = -0.5, 0.5
@@ -318,7 +300,29 @@ def walk(j, previous, following, near):
 
 @kernel
 def tabulate_normals(x, previous, following, inner, weighting, n, dn_dx):
-    """Fill ``n`` and ``dn_dx``, see above.
+    """Fill ``n`` and ``dn_dx``: averaged nodal normals of a chain of facets, straight or curved.
+
+    =========  ==========================================================  ====================
+    symbol     meaning                                                     shape
+    =========  ==========================================================  ====================
+    x          current positions of the nodes                              (n, 2)
+    e          edge of a facet at a node: twice the tangent dx/dxi there   (2,)
+    t, l, nu   unit tangent, length of e and normal of one facet           (2,), (), (2,)
+    m          weighted sum of the normals of the facets at a node         (2,)
+    n          unit normal m / |m|; tau = (-n_y, n_x)                      (n, 2)
+    dn_dx      derivative of n by positions of nodes along the curve: p    (n, 2, 2 (2 p + 1))
+               nodes before, the node itself, p nodes after; p = degree
+    =========  ==========================================================  ====================
+
+    The body is on the left of a facet: nu = (t_y, -t_x). The derivatives follow from dl = t . de,
+    l dnu = -t (nu . de) and dn = tau (tau . dm) / |m|. The edge of a straight facet is the vector
+    from the first to the second node. The edge of a curved facet at an end node depends on all
+    three nodes, and at the inner node on the two end nodes.
+
+    The normal of a facet is weighted by the length of the *other* edge (``OPPOSITE``: with straight
+    facets, n is then the normal of the circle through the three nodes, exact on any mesh of a
+    circle; Yang, Laursen & Meng 2005), by one (``UNIT``: Popp, Gee & Wall 2009 as implemented by
+    most codes), or by the length of the facet's edge itself (``OWN``).
 
     Args:
         x: Current positions of the nodes, shape (n, 2) [length].

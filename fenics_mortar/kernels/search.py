@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Search for the master facets that each slave facet faces, by a tree of boxes.
+"""Search for the master facets that each slave facet faces: candidates, segments and partners.
 
 The boxes of the master facets, in the order of the curve, are the leaves of a ``tree``. Candidates
 of a slave facet are the boxes that intersect its strip, the quadrilateral x_k -+ radius n_k. The
 search costs O(log N + hits) per facet, for any radius and orientation of the interface.
 
-For segments and partners on the candidates see below.
-
-Segments and partners of one slave facet among nearby master facets.
+On the candidates ``find_segments`` finds the segments of each slave facet, ``find_points`` the
+partners of points that are fixed on it. Of facets at one place the nearest counts, and of portions
+of a master those near the nearest one, see ``keep_near_portions``.
 
 A master node lies ahead of or behind the ray of a slave node by the sign of tau . (x_m - x_s). The
 sign is evaluated identically for all facets that share the two nodes. No part of a facet is
@@ -19,18 +19,6 @@ Segments of any length are kept, including zero: when a master node passes a sla
 contributes nothing to the integrals, but the motion of its ends contributes to the derivative.
 Where two bodies end at the same point, two lengths are treated as rounding: facets with negligible
 cover have no segments, and a negligible distance between the cover and an end node is closed.
-
-Quadrature points that are fixed on the slave facets have one ray each, which is tested against both
-ends of each master facet. A ray that passes through a master node, within rounding, is assigned to
-one of the two facets by a fixed rule, so that results on aligned meshes are reproducible.
-
-A slave facet at a corner may face two portions of a master, one far behind the other. A weighted
-average of both gaps is meaningless: with positive functions, a node that touches the nearer portion
-stays open; dual functions, which are partly negative, produce an overlap and pressure at a
-distance. A portion is therefore ignored if it is farther away than the nearest one by half a facet,
-or by two facets if the nearest one is in contact or a tenth of a facet from it: beside a corner of
-the master both portions belong to the contact zone, and a portion that appears and disappears there
-costs iterations.
 
 Master facets behind a slave point count only if moving back through them is the shorter way to
 separate the bodies, see ``sight``. The test is skipped up to a safe depth of each slave facet.
@@ -134,6 +122,14 @@ def keep_nearest(found, count, tolerance):
 @kernel
 def keep_near_portions(found, count, master_facets, length):
     """Drop portions of the master too far behind the nearest one; return the number of rows kept.
+
+    A slave facet at a corner may face two portions of a master, one far behind the other. A
+    weighted average of both gaps is meaningless: with positive functions, a node that touches the
+    nearer portion stays open; dual functions, which are partly negative, produce an overlap and
+    pressure at a distance. A portion is therefore ignored if it is farther away than the nearest
+    one by half a facet, or by two facets if the nearest one is in contact or a tenth of a facet
+    from it: beside a corner of the master both portions belong to the contact zone, and a portion
+    that appears and disappears there costs iterations.
 
     Limit: ``sight.reach_behind``, with the ``length`` of the slave facet. Rows of ``found`` are
     those of ``keep_nearest``; consecutive master facets that share a node form one portion.
@@ -325,6 +321,11 @@ def query_strip(boxes, controls, nodes, radius, hits):
 @kernel
 def find_points(geometry, slave_facets, master_facets, radius, behind, limits, points, min_points):
     """Find partners of points on slave facets, as runs of points with the same master facet.
+
+    Quadrature points that are fixed on the slave facets have one ray each, which is tested against
+    both ends of each master facet. A ray that passes through a master node, within rounding, is
+    assigned to one of the two facets by a fixed rule, so that results on aligned meshes are
+    reproducible.
 
     Args:
         geometry: As in ``find_segments``.

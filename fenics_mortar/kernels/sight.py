@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Partners behind a slave point: whether they are the shorter way to separate the bodies.
+"""Admissible masters: behind a slave point, and on a surface in contact with itself.
+
+**Partners behind a slave point** count if moving the master back is the shorter way to separate the
+bodies, see ``is_nearer_exit``; on one body, if their part covers the point, see ``overlaps_point``.
 
 A line from a slave point x along -n, with the coordinate r >= 0, crosses the outline of a body at
 exits and entries. The level at r is the number of exits less that of entries beyond r. It is the
@@ -16,14 +19,9 @@ Bodies that do not overlap have d >= t_s + t_m, so such a partner is always reje
 are needed: with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own
 thickness; with t_m alone, or the smaller of both, a thick slave would miss a thin master.
 
-If both surfaces are on one body, as on a wound strip, parts of it lie on each other. Where they
-overlap, as in iterates, the line passes from one into the next, and t_s and t_m include several
-parts: the back of a winding would count as a partner. In this case exits are counted instead. Of
-the k parts that cover the point x, one contains it as a boundary point, the others overlap it. A
-partner is on one of the others if it is among the first k - 1 exits, since overlaps are shallower
-than the parts are thick.
-
-Masters of each facet on a surface in contact with itself.
+**On a surface in contact with itself** only some facets are masters of a slave facet, see
+``is_master``; ``keep_masters`` drops segments on the others. The order of the facets is that of
+``interface.self_contact``.
 """
 
 import numpy as np
@@ -149,6 +147,13 @@ def height(x):
 def overlaps_point(y, N, xi, depth, outline, body, min_distance):
     """Whether the partner at ``depth`` [length] behind point ``xi`` is on a part that covers it.
 
+    If both surfaces are on one body, as on a wound strip, parts of it lie on each other. Where they
+    overlap, as in iterates, the line passes from one into the next, and t_s and t_m include several
+    parts: the back of a winding would count as a partner. In this case exits are counted instead.
+    Of the k parts that cover the point x, one contains it as a boundary point, the others overlap
+    it. A partner is on one of the others if it is among the first k - 1 exits, since overlaps are
+    shallower than the parts are thick.
+
     ``y`` as in ``projection``; both are of ``body``; others as in ``length_inside``. Outlines
     consist of straight segments, which differ from curved facets by less than their heights.
     """
@@ -247,7 +252,7 @@ def keep_masters(found, count, roles, number):
     """Drop segments on facets that are not masters of a slave facet; return the number kept.
 
     Args:
-        found: Rows as in ``pairing.keep_nearest``, of which the first ``count`` are used.
+        found: Rows as in ``search.keep_nearest``, of which the first ``count`` are used.
         count: Number of rows.
         roles: (numbers of the slave facets (s,), ``keys``, ``arcs``, ``ends`` as in ``is_master``).
         number: The slave facet's index among these numbers.

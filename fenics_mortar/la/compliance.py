@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Compliance of the contact dofs: displacements due to contact forces and prescribed values.
 
-The dofs of all contact surfaces have consecutive numbers.
+``ContactDofs`` numbers the dofs of all contact surfaces one after the other; ``Compliance`` has
+their responses.
 """
 
 from __future__ import annotations
@@ -15,12 +16,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, inv, lapack
 from scipy.sparse import csr_array
 
-from fenics_mortar.la.solver import (
-    column_groups,
-    factored_bulk,
-    factored_by_cholmod,
-    supported,
-)
+from fenics_mortar.la.solver import column_groups, factored_bulk, factored_by_cholmod, supported
 from fenics_mortar.la.sparse import SomeRows, is_indefinite, schur_complement
 from fenics_mortar.utils.arrays import SOLVED, Array, Indices
 from fenics_mortar.utils.errors import MortarError, raise_together
@@ -97,7 +93,7 @@ class Compliance:
 
         Args:
             forces: One load a row, shape (k, size) [stress length], used on rank 0 only; k up to
-                ``factored.COLUMNS``. Forces on prescribed dofs are dropped.
+                ``solver.COLUMNS``. Forces on prescribed dofs are dropped.
 
         Returns:
             Displacements, zero at prescribed dofs, shape (size, k) [length].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Condensed system (Alg. 2): multipliers are eliminated node by node.
+"""Condensed system (Alg. 2), multipliers eliminated node by node, and the choice of the system.
 
 If D is diagonal, the slave rows S of an acting multiplier give z_j = Z_j (f - K~ dd)_j with
 Z_j = P_j / D_jj, where P_j removes prescribed components (eq. 14). Inserted into the system of
@@ -26,14 +26,10 @@ solved by the steps in reverse order: with t = Z^T b,
 and components with Z = 0 from A_z^T w = b - B y. Rows of prescribed dofs are those of the identity:
 y = w there, and they do not contribute to Q^T w.
 
-The matrix R is stored by its entries.
+The matrix R is stored by its entries, see ``ContactColumns``.
 
-R has a row for every contact dof and a column for every multiplier. Each rank keeps the columns of
-its own multipliers, since it owns the corresponding slave rows of K; rows are those of all ranks.
-R has few entries, and their pattern changes in half of the iterations: PETSc would spend more time
-on patterns than on values.
-
-Choice of the linear system and of a direct or iterative solver.
+``system_of`` chooses this system or the saddle point of ``system``, and a direct or iterative
+solver.
 """
 
 from __future__ import annotations
@@ -50,13 +46,7 @@ from scipy.sparse import csr_array
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.kernels.blocks import gather_forces
 from fenics_mortar.la.coupling import zero_block
-from fenics_mortar.la.options import (
-    SMALL,
-    Algorithm,
-    SolverName,
-    costs_of,
-    iterative,
-)
+from fenics_mortar.la.options import SMALL, Algorithm, SolverName, costs_of, iterative
 from fenics_mortar.la.sparse import (
     BlockMatrix,
     Entries,
@@ -83,6 +73,11 @@ if TYPE_CHECKING:
 
 class ContactColumns:
     """A matrix with a row for each contact dof and a column for each multiplier, as R.
+
+    R has a row for every contact dof and a column for every multiplier. Each rank keeps the columns
+    of its own multipliers, since it owns the corresponding slave rows of K; rows are those of all
+    ranks. R has few entries, and their pattern changes in half of the iterations: PETSc would spend
+    more time on patterns than on values.
 
     Args:
         system: Numbering of the multipliers.

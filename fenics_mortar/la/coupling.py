@@ -8,9 +8,8 @@ compared with the bulk. The pattern includes a multiplier at every slave node, a
 neighbours' multipliers, since the set of multiplier nodes may change. Open facets are included as
 well, so that contact may grow. Only nodes with acting multipliers contribute to the matrix and have
 to stay within the pattern; the partners of other nodes may be far away and may change with small
-rotations.
-
-In the plane only: in space such zeros would be most of the entries, see ``sparse.with_rows``.
+rotations. There is such a pattern in the plane only: in space its zeros would be most of the
+entries, see ``sparse.with_rows``.
 """
 
 from __future__ import annotations

@@ -41,26 +41,8 @@ A tied node moves with its partners in both directions. If all are tied, every s
 condensed system is T y, and B is symmetric if K is: then B y = L (b - A x_0) is solved completely
 by conjugate gradients with the cycle.
 
-A cycle built for an earlier matrix needs more iterations. It is replaced when its excess iterations
-have cost a quarter of a new one, in space as much as it; more are expected where the active set has
-changed since.
-
-Iterations per digit also depend on the right-hand side. The first one of a load step is smooth and
-takes 1.4 per digit, the next ones, which are concentrated at the contact, up to 1.8 even with a new
-cycle. A solve is therefore compared with the first one by the same cycle at the same place in
-Newton's method; at a place without one, with the slowest of the first ones at other places. Rates
-at one place vary by a tenth where only the right-hand side changes, which is not counted: a new
-cycle would be no better.
-
-Factorization of the rows and columns of a matrix in a strip along contact.
-
-A solution in the strip is zero elsewhere, except at prescribed dofs: its product with the matrix
-differs from zero only in the rows next to these dofs. The product uses a copy of these entries
-instead of the whole matrix.
-
-In the plane the matrix is factored without pivoting, which takes half of the time, until the
-residual of a solution shows that pivots are needed, as with rows of multipliers. In space MUMPS
-factors it, on all ranks together.
+``Strip`` is the strip of step 1, ``Replacement`` tells when a cycle built for an earlier matrix is
+replaced, and ``ContactPreconditioner`` applies both steps.
 """
 
 from __future__ import annotations
@@ -76,19 +58,16 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.options import (
-    STRIP_FACTORS,
-    STRIP_IN_SPACE,
-    STRIP_PIVOTS,
-    WITHOUT_PIVOTING,
-    options_added,
-)
+from fenics_mortar.la.solver import Preconditioner
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
 from fenics_mortar.la.touching import (
+    Strip,
+    dofs_of,
     rigid_motions_along,
     tangential_axes,
     touching_tangent,
     turned_axes,
+    with_neighbours,
 )
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, summed
@@ -98,173 +77,6 @@ if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.surfaces import Surface
-
-# Layers of cells of the strip on either side of contact, in the plane and in space, where the
-# factors of a layer have long rows.
-LAYERS = {2: 2, 3: 1}
-
-
-class Strip:
-    """Factored rows and columns of the dofs near contact surfaces; methods are collective.
-
-    Args:
-        bulk: The bodies.
-        prefix: Prefix of PETSc's options.
-        multipliers: Number of rows of multipliers after those of dofs; all are in the strip.
-
-    Attributes:
-        dofs: Owned dofs of the strip, shape (n,).
-        num_rows: Rows of the strip, summed over all ranks.
-    """
-
-    def __init__(self, bulk: Bulk, prefix: str, multipliers: int) -> None:
-        self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
-        self._bulk, self._multipliers = bulk, multipliers
-        self.dofs = np.empty(0, np.int64)
-        self._matrix: Any = None
-        self._columns: Any = None
-        self._factors: Any = None
-        self._in_plane = bulk.space.dim == 2
-        self._options = STRIP_FACTORS if self._in_plane else STRIP_IN_SPACE
-        self._pattern = (0, 0.0)  # handle and number of entries of the matrix
-
-    def move_to(self, dofs: Indices) -> None:
-        """Put the strip around owned ``dofs`` (k,)."""
-        bulk = self._bulk
-        self.dofs = _with_neighbours(bulk, dofs, LAYERS[bulk.space.dim])
-        rows = np.arange(bulk.num_owned, bulk.num_owned + self._multipliers)
-        self._rows = np.append(self.dofs, rows)
-        self.num_rows = bulk.comm.allreduce(self._rows.size)
-        self._solved = np.union1d(self._rows, self._prescribed)
-        dofs = self._solved[self._solved < bulk.num_owned]
-        self._touched = np.append(_with_neighbours(bulk, dofs, 1), rows)
-        self.forget_pattern()
-
-    def factor(self, A: PETSc.Mat, *, keep: bool = False) -> None:
-        """Factor the strip of ``A``, whose pattern may have changed, as it always has in space.
-
-        Args:
-            A: The matrix.
-            keep: Whether the present factors, if there are any, serve as those of ``A``.
-        """
-        pattern = A.handle, A.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
-        same = self._in_plane and pattern == self._pattern
-        keep = keep and self._factors is not None
-        if not on_all_ranks(self._comm, same):
-            self.forget_pattern(keep_factors=keep)
-            self._pattern = pattern
-        first, _ = A.getOwnershipRange()
-        whole, solved, touched = (
-            PETSc.IS().createGeneral((rows + first).astype(PETSc.IntType), self._comm)
-            for rows in (self._rows, self._solved, self._touched)
-        )
-        self._columns = A.createSubMatrix(touched, solved, self._columns)
-        self._on_solved, self._on_touched = self._columns.createVecs()
-        self._diagonal = A.getDiagonal().array_r[self._prescribed]
-        if keep:
-            return
-        self._matrix = A.createSubMatrix(whole, whole, self._matrix)
-        self._b, self._x = self._matrix.createVecs()
-        self._compute_factors()
-        if self._options is STRIP_FACTORS and not self._is_accurate():
-            self._options = STRIP_PIVOTS
-            self._compute_factors()
-
-    def forget_pattern(self, *, keep_factors: bool = False) -> None:
-        """Begin anew for the next matrix, whose pattern differs; its factors may be the present."""
-        if self._columns is not None:
-            self._columns.destroy()
-        self._columns = None
-        if keep_factors:
-            return
-        for of_pattern in (self._factors, self._matrix):
-            if of_pattern is not None:
-                of_pattern.destroy()
-        self._factors = self._matrix = None
-
-    def _compute_factors(self) -> None:
-        """Factor the matrix, without pivoting in the order of elimination of the last one."""
-        if self._factors is None or self._options is not STRIP_FACTORS:
-            if self._factors is not None:
-                self._factors.destroy()
-            self._factors = PETSc.PC().create(self._comm)
-            self._factors.setOptionsPrefix(self._prefix)
-        with options_added(self._prefix, self._options):
-            self._factors.setFromOptions()
-            self._factors.setOperators(self._matrix)
-            self._factors.setUp()
-
-    def _is_accurate(self) -> bool:
-        """Whether the residual of one solution is as small as without growth of the pivots."""
-        self._b.set(1.0)
-        self._factors.apply(self._b, self._x)
-        size = self._b.norm()
-        self._matrix.mult(self._x, self._b)
-        self._b.shift(-1.0)
-        return bool(self._b.norm() <= WITHOUT_PIVOTING * size)
-
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec, *, transpose: bool = False) -> None:
-        """Solve for the rows of the strip and for prescribed dofs; other values are zero.
-
-        Args:
-            b: Right-hand side of the whole matrix.
-            x: The solution; changed.
-            transpose: Whether to solve with the transposed factors.
-        """
-        x.set(0.0)
-        x.array[self._prescribed] = b.array_r[self._prescribed] / self._diagonal
-        self._b.array[:] = b.array_r[self._rows]
-        apply = self._factors.applyTranspose if transpose else self._factors.apply
-        apply(self._b, self._x)
-        x.array[self._rows] = self._x.array_r
-
-    def subtract_product(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Subtract A x from ``b`` for a solution ``x`` of ``solve``.
-
-        Args:
-            x: The solution, zero outside of the strip and of prescribed dofs.
-            b: Vector of the whole matrix; changed.
-        """
-        self._on_solved.array[:] = x.array_r[self._solved]
-        self._columns.mult(self._on_solved, self._on_touched)
-        b.array[self._touched] -= self._on_touched.array_r
-
-    def subtract_transposed(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Subtract A^T x from ``b`` in the rows that ``solve`` uses.
-
-        Args:
-            x: Any vector.
-            b: Vector of the whole matrix; changed.
-        """
-        self._on_touched.array[:] = x.array_r[self._touched]
-        self._columns.multTranspose(self._on_touched, self._on_solved)
-        b.array[self._solved] -= self._on_solved.array_r
-
-
-def dofs_of(surfaces: Sequence[Surface]) -> Indices:
-    """Owned dofs of the nodes of surfaces, shape (n,) (local)."""
-    dofs = [np.empty(0, np.int64), *(surface.local_dofs.ravel() for surface in surfaces)]
-    return np.unique(np.concatenate(dofs))
-
-
-def _with_neighbours(bulk: Bulk, dofs: Indices, layers: int) -> Indices:
-    """Owned dofs, shape (n,), within ``layers`` of cells of owned ones (collective).
-
-    By the cells: K has entries of contact, too, where its pattern was extended.
-    """
-    V, size = bulk.V, bulk.space.block_size
-    index_map, cells = V.dofmap.index_map, compat.dofmap(V)
-    count = index_map.size_local + index_map.num_ghosts
-    numbers = index_map.local_to_global(np.arange(count, dtype=np.int32))
-    found = np.unique(dofs // size)
-    for _ in range(layers):
-        everywhere = np.concatenate(bulk.comm.allgather(numbers[found]))
-        found = np.unique(cells[np.isin(numbers, everywhere)[cells].any(axis=1)])
-    everywhere = np.unique(np.concatenate(bulk.comm.allgather(numbers[found])))
-    first, end = index_map.local_range
-    mine = everywhere[(everywhere >= first) & (everywhere < end)] - first
-    return (size * mine[:, None] + np.arange(size)).ravel()
-
 
 # Excess iterations, so far and expected, after which the cycle is rebuilt, in the plane and in
 # space. A new cycle costs as much as about twenty iterations but is used in several solves. In
@@ -283,6 +95,17 @@ EXCESS_OF_OTHER_SET = 2
 
 class Replacement:
     """Excess iterations of a cycle since it was built; all methods are local.
+
+    A cycle built for an earlier matrix needs more iterations. It is replaced when its excess
+    iterations have cost a quarter of a new one, in space as much as it; more are expected where the
+    active set has changed since.
+
+    Iterations per digit also depend on the right-hand side. The first one of a load step is smooth
+    and takes 1.4 per digit, the next ones, which are concentrated at the contact, up to 1.8 even
+    with a new cycle. A solve is therefore compared with the first one by the same cycle at the same
+    place in Newton's method; at a place without one, with the slowest of the first ones at other
+    places. Rates at one place vary by a tenth where only the right-hand side changes, which is not
+    counted: a new cycle would be no better.
 
     Args:
         dim: 2 in the plane, 3 in space.
@@ -329,7 +152,7 @@ IDLE_STIFFNESS = 1e-2
 MIN_WEIGHT = 1e-2
 
 
-class ContactPreconditioner:
+class ContactPreconditioner(Preconditioner):
     """A preconditioner for PETSc (``pc_type python``); all methods are collective.
 
     Args:
@@ -356,7 +179,6 @@ class ContactPreconditioner:
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
-        self.by = ""
         self._replacement, self._sets = Replacement(bulk.space.dim), list[Flags]()
         self._factored = b""  # sets of the factors of the strip
         self._digits, self._place = 5.0, 0  # of the next solve: digits [1], place in the load step
@@ -390,8 +212,8 @@ class ContactPreconditioner:
     def _move_strip(self, *, of_cycle: bool) -> None:
         """Put the strip along the surfaces, in space along the parts whose multipliers act.
 
-        In the plane the order of elimination is kept instead, see ``Strip``. With the same sets the
-        strip remains, and so do its factors, while it has all of these parts.
+        In the plane the order of elimination is kept instead, see ``Strip``. While the sets are the
+        same and the strip has all of these parts, it remains, with its factors.
 
         Args:
             of_cycle: Whether also along the parts where they acted when the cycle was built: where
@@ -495,7 +317,7 @@ class ContactPreconditioner:
         return B
 
     def _separate_sliding_bodies(self, B: PETSc.Mat) -> None:
-        """Drop the coupling of tangential motions of the bodies of a contact, see above."""
+        """Drop the coupling of tangential motions of the bodies of a contact, see the module."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
             free = _slide(contact)
             for axis in tangential_axes(contact):
@@ -617,7 +439,7 @@ def _digits(reduction: float) -> float:
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
     """Global dofs (n, dim) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
-    return dofs[np.isin(dofs[:, 0], _with_neighbours(bulk, dofs_of([surface]), 1))] + bulk.first
+    return dofs[np.isin(dofs[:, 0], with_neighbours(bulk, dofs_of([surface]), 1))] + bulk.first
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:

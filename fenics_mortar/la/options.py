@@ -1,22 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Options of PETSc: defaults of the linear solvers, combined with those of the user.
+"""Options of PETSc: defaults of the linear solvers, and measured costs by which they are chosen.
+
+``with_defaults`` and ``options_added`` combine the defaults with the options of the user.
 
 Linear solvers are chosen by their measured costs. A linear bulk needs one factorization, or one in
 every Newton iteration: both costs are predicted. In the plane, the cost of MUMPS per unknown is
 nearly constant from 5,000 to 160,000 unknowns; in space it is that of a square, and an iteration of
 general equations mostly uses factors of the one before. The compliance of the contact dofs is a
-dense matrix with cubic cost. Only ratios of the constants matter.
-
-CPU time in seconds in space, blocks of hexahedra with 6,000, 20,250 and 48,000 unknowns, of which
-600, 1,350 and 2,400 are of contact (``demos.studies.performance.linear_bulk``): factorization 0.15,
-1.2 and 6.7, compliance 0.17, 1.8 and 8.9, of which inverse 0.05, 0.5 and 2.4.
-
-CPU time of a Newton iteration, direct over iterative (two blocks): 1.0 with 10,000 unknowns, 1.5
-with 41,000, 1.9 with 161,000. CPU time in milliseconds of factorization and solution, by PETSc
-without pivoting in blocks (``options.SMALL``) and by MUMPS, whose dense kernels are faster for long
-rows: 0.5 and 1.9 with 1,300 unknowns, 26 and 40 with 18,200 and 97 entries, 50 and 53 with 20,800
-and 116 entries; on unstructured meshes 20 and 20 with 6,700 and 126 entries, 53 and 38 with 11,900
-and 147.
+dense matrix with cubic cost. Only ratios of the constants matter. See ``Costs``.
 """
 
 from __future__ import annotations
@@ -103,7 +94,8 @@ GAMG = {
 }
 CYCLE = TIED | (HYPRE if compat.petsc_has("hypre") else GAMG)
 # Largest relative residual with factors without pivoting [1], in the strip without, otherwise after
-# one refinement; above it half of the digits are lost by growth of the pivots.
+# one refinement; above it half of the digits are lost by growth of the pivots, unless the rest is
+# rounding of terms of A x that cancel, as of rows in other units.
 WITHOUT_PIVOTING = 1e-10
 # The strip along the contact surfaces in the plane. Each rank factorizes all of it: this takes
 # little time, and a solve needs one exchange only. Without pivoting a solve takes a fifth of the
@@ -199,6 +191,13 @@ class Costs:
 
     Hertz with 3,600 to 160,000 unknowns, degrees 1 and 2, one core.
 
+    CPU time of a Newton iteration, direct over iterative (two blocks): 1.0 with 10,000 unknowns,
+    1.5 with 41,000, 1.9 with 161,000. CPU time in milliseconds of factorization and solution, by
+    PETSc without pivoting in blocks (``SMALL``) and by MUMPS, whose dense kernels are faster for
+    long rows: 0.5 and 1.9 with 1,300 unknowns, 26 and 40 with 18,200 and 97 entries, 50 and 53 with
+    20,800 and 116 entries; on unstructured meshes 20 and 20 with 6,700 and 126 entries, 53 and 38
+    with 11,900 and 147.
+
     Attributes:
         iteration: Tangent, factorization and solution of an iteration, per unknown [us].
         first: Additional cost of the first iteration, the elimination order, per unknown [us].
@@ -259,12 +258,18 @@ class Costs:
         return float(unknowns)
 
     def _fill(self, unknowns: int) -> float:
-        """Number that is proportional to that of the entries of the factors."""
+        """Number that is proportional to the number of entries of the factors."""
         return float(unknowns * np.log2(max(unknowns, 2)))
 
 
 class SpaceCosts(Costs):
-    """Costs in space, where a factorization takes the square of the unknowns."""
+    """Costs in space, where a factorization takes the square of the unknowns.
+
+    CPU time in seconds in space, blocks of hexahedra with 6,000, 20,250 and 48,000 unknowns, of
+    which 600, 1,350 and 2,400 are of contact (``demos.studies.performance.linear_bulk``):
+    factorization 0.15, 1.2 and 6.7, compliance 0.17, 1.8 and 8.9, of which inverse 0.05, 0.5 and
+    2.4.
+    """
 
     def _work(self, unknowns: int) -> float:
         return float(unknowns) ** 2

@@ -1,22 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""PETSc matrices from dense blocks, in coordinate form.
+"""Sparse matrices of PETSc: sums of blocks and rows, Schur complements, bordered systems.
 
-Any rank may add to any row; duplicates are summed and negative indices are dropped. PETSc
-preallocates in this form; without preallocation PETSc 3.18 takes minutes instead of milliseconds.
-
-In the plane the pattern of a system has zeros for all that may come into contact in a load step, so
-that an elimination order serves many matrices. In space these were most of the entries, 3 of 3.5
-million of 11,000 unknowns; on two ranks, making the pattern took half of a solve with 53,000
-unknowns, and a third of the memory. There the rows of contact of the present state are summed
-and added to those of the bodies, as a new matrix.
-
-**Bordered systems.** A few unknowns q in addition to those of a large, factored system A:
-
-    A x + C q = b
-    G x + E q = c
-
-Block elimination needs a solve with A for each column of C, and a small dense system for q. The
-transposed system has the same form, with the rows of G as columns.
+Blocks and rows may be given on any rank for any row. ``BlockMatrix`` makes a matrix from blocks,
+``add_blocks`` adds them to an existing pattern, as in the plane, and ``with_rows`` adds summed rows
+as a new matrix, as in space. ``leave`` and ``schur_complement`` factor a part of a matrix by MUMPS;
+``solve_bordered`` solves a factored system with a few more unknowns.
 """
 
 from __future__ import annotations
@@ -53,6 +41,10 @@ Entries = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
 
 class BlockMatrix:
     """A matrix that is made from blocks, each time anew.
+
+    Any rank may add to any row; duplicates are summed and negative indices are dropped. PETSc
+    preallocates in coordinate form; without preallocation PETSc 3.18 takes minutes instead of
+    milliseconds.
 
     Args:
         comm: Communicator (all methods are collective).
@@ -261,6 +253,12 @@ def with_rows(matrix: PETSc.Mat, csr: CSR) -> PETSc.Mat:
     Its pattern has no more than the entries of both, so that nothing need be known beforehand of
     what may come into contact.
 
+    In the plane the pattern of a system has zeros for all that may come into contact in a load
+    step, so that an elimination order serves many matrices. In space these were most of the
+    entries, 3 of 3.5 million of 11,000 unknowns; on two ranks, making the pattern took half of a
+    solve with 53,000 unknowns, and a third of the memory. There the rows of contact of the present
+    state are summed and added to those of the bodies, as a new matrix.
+
     Args:
         matrix: A square matrix of type AIJ.
         csr: Starts, columns and values of all owned rows, see ``summed_rows``.
@@ -381,6 +379,14 @@ def solve_bordered(
     solve: Callable[[Array], Array], border: Border, x: Array, c: Array, comm: MPI.Comm
 ) -> tuple[Array, Array]:
     """Solve a bordered system (collective).
+
+    There are a few unknowns q in addition to those of a large, factored system A:
+
+        A x + C q = b
+        G x + E q = c
+
+    Block elimination needs a solve with A for each column of C, and a small dense system for q. The
+    transposed system has the same form, with the rows of G as columns.
 
     Args:
         solve: Solves A x = b; takes and returns owned values, shape (n,) (collective).

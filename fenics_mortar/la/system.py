@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Linear system of a Newton iteration, as saddle point (Alg. 1) or condensed (Alg. 2).
+"""Linear system of a Newton iteration, and its form as a saddle point (Alg. 1); see ``condensed``.
 
 The unknowns are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), the
 right-hand side therefore contains r = f_int - f_ext without the contact force:
 
     (K + K_c) dd + B^T z = -r         B^T z: +D^T z on slave, -M^T z on master rows
-          C dd + A_z z   = rhs        rows of the contact law, see ``interface.Rows``
+          C dd + A_z z   = rhs        rows of the contact law, see ``contact.rows``
 
 with K_c = d(B^T z^k)/dd. The row of a prescribed dof is that of the identity: dd = prescribed -
 present. The operator A below is the derivative of these residuals: ``assemble`` linearizes,
@@ -19,10 +19,8 @@ the iterates. Rows of prescribed dofs are scaled by their own stiffness. Both sc
 Vectors are local arrays: values of the owned dofs, then the components of each multiplier owned by
 this rank, in the order of ``z_dofs``.
 
-Saddle-point system (Alg. 1): unknowns [dd, zeta] on each rank, matrix S_r A S_c.
-
-S_c scales multipliers to forces, S_r scales the rows of prescribed dofs; see ``system``. The
-transposed system S_c A^T S_r uses the same factors.
+``LinearSystem`` is the base class of both forms, ``SaddleSystem`` that with the multipliers as
+unknowns.
 """
 
 from __future__ import annotations
@@ -335,7 +333,12 @@ Part = tuple[Kind, Kind, Iterable[Block]]
 
 
 class SaddleSystem(LinearSystem):
-    """System of displacements and multipliers; any basis, also with nodes shared between pairs."""
+    """System of displacements and multipliers; any basis, also with nodes shared between pairs.
+
+    The unknowns are [dd, zeta] on each rank, the matrix S_r A S_c. S_c scales multipliers to
+    forces, S_r scales the rows of prescribed dofs. The transposed system S_c A^T S_r uses the same
+    factors.
+    """
 
     has_multipliers = True
 

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""The tangent of bodies that remain in contact, in components along nodal axes: R^T L A T R.
+"""What multigrid needs of contact: the tangent R^T L A T R, nodal axes, factors of a strip.
 
 T and L differ from the identity only at contact surfaces: L A T is A plus a small matrix of the
-dofs near them. R turns the components of each node, in the rows and columns of A.
+dofs near them, as bodies that remain in contact have it. R turns the components of each node, in
+the rows and columns of A. ``Strip`` has the factors of the rows and columns in a strip along
+contact.
 
-Nodal axes for multigrid: aligned with contact tangents, interpolated smoothly in between.
+The nodal axes are aligned with contact tangents and interpolated smoothly in between, see
+``turned_axes``; ``rigid_motions_along`` gives the rigid motions along them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -20,15 +23,19 @@ from scipy.sparse import bsr_array, csr_array
 
 from fenics_mortar.bulk.bodies import centre_and_size, label_bodies
 from fenics_mortar.bulk.node_blocks import CSR, LocalRows, from_local_csr, local_csr
-from fenics_mortar.kernels.node_blocks import turn_blocks
+from fenics_mortar.kernels.blocks import turn_blocks
+from fenics_mortar.la import options
 from fenics_mortar.la.sparse import SomeRows, with_rows
 from fenics_mortar.obstacles.rigid_motion import rigid_motions
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Indices
+from fenics_mortar.utils.ranks import on_all_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
-
+    from fenics_mortar.interface.surfaces import Surface
+    from fenics_mortar.utils.arrays import Indices
 
 # Size of the block of two nodes over the root of the product of their stiffness [1], up to which
 # it is left out. Near contact T and L make 3.9 million entries of 2.3 million in space; without
@@ -226,7 +233,7 @@ def _turns_in_space(contacts: Sequence[Interface], x: Array) -> Array:
 
 
 def _untied(contact: Interface) -> Indices:
-    """At most ``TANGENTS`` active nodes with one constrained direction, those of ties have all."""
+    """At most ``TANGENTS`` active nodes with one constrained direction; ties constrain all."""
     F = contact.rows.followed()
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
     return j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
@@ -288,3 +295,178 @@ def rigid_motions_along(axes: Array, bulk: Bulk, B: PETSc.Mat) -> PETSc.NullSpac
             if vector.normalize() > ROUNDING * size:
                 vectors.append(vector)
     return PETSc.NullSpace().create(vectors=vectors, comm=B.comm)
+
+
+# Layers of cells of the strip on either side of contact, in the plane and in space, where the
+# factors of a layer have long rows.
+LAYERS = {2: 2, 3: 1}
+
+
+class Strip:
+    """Factored rows and columns of the dofs near contact surfaces; methods are collective.
+
+    A solution in the strip is zero elsewhere, except at prescribed dofs: its product with the
+    matrix differs from zero only in the rows next to these dofs. The product uses a copy of these
+    entries instead of the whole matrix.
+
+    In the plane the matrix is factored without pivoting, which takes half of the time, until the
+    residual of a solution shows that pivots are needed, as with rows of multipliers. In space MUMPS
+    factors it, on all ranks together.
+
+    Args:
+        bulk: The bodies.
+        prefix: Prefix of PETSc's options.
+        multipliers: Number of rows of multipliers after those of dofs; all are in the strip.
+
+    Attributes:
+        dofs: Owned dofs of the strip, shape (n,).
+        num_rows: Rows of the strip, summed over all ranks.
+    """
+
+    def __init__(self, bulk: Bulk, prefix: str, multipliers: int) -> None:
+        self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
+        self._bulk, self._multipliers = bulk, multipliers
+        self.dofs = np.empty(0, np.int64)
+        self._matrix: Any = None
+        self._columns: Any = None
+        self._factors: Any = None
+        self._in_plane = bulk.space.dim == 2
+        self._options = options.STRIP_FACTORS if self._in_plane else options.STRIP_IN_SPACE
+        self._pattern = (0, 0.0)  # handle and number of entries of the matrix
+
+    def move_to(self, dofs: Indices) -> None:
+        """Put the strip around owned ``dofs`` (k,)."""
+        bulk = self._bulk
+        self.dofs = with_neighbours(bulk, dofs, LAYERS[bulk.space.dim])
+        rows = np.arange(bulk.num_owned, bulk.num_owned + self._multipliers)
+        self._rows = np.append(self.dofs, rows)
+        self.num_rows = bulk.comm.allreduce(self._rows.size)
+        self._solved = np.union1d(self._rows, self._prescribed)
+        dofs = self._solved[self._solved < bulk.num_owned]
+        self._touched = np.append(with_neighbours(bulk, dofs, 1), rows)
+        self.forget_pattern()
+
+    def factor(self, A: PETSc.Mat, *, keep: bool = False) -> None:
+        """Factor the strip of ``A``, whose pattern may have changed, as it always has in space.
+
+        Args:
+            A: The matrix.
+            keep: Whether the present factors, if there are any, serve as those of ``A``.
+        """
+        pattern = A.handle, A.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+        same = self._in_plane and pattern == self._pattern
+        keep = keep and self._factors is not None
+        if not on_all_ranks(self._comm, same):
+            self.forget_pattern(keep_factors=keep)
+            self._pattern = pattern
+        first, _ = A.getOwnershipRange()
+        whole, solved, touched = (
+            PETSc.IS().createGeneral((rows + first).astype(PETSc.IntType), self._comm)
+            for rows in (self._rows, self._solved, self._touched)
+        )
+        self._columns = A.createSubMatrix(touched, solved, self._columns)
+        self._on_solved, self._on_touched = self._columns.createVecs()
+        self._diagonal = A.getDiagonal().array_r[self._prescribed]
+        if keep:
+            return
+        self._matrix = A.createSubMatrix(whole, whole, self._matrix)
+        self._b, self._x = self._matrix.createVecs()
+        self._compute_factors()
+        if self._options is options.STRIP_FACTORS and not self._is_accurate():
+            self._options = options.STRIP_PIVOTS
+            self._compute_factors()
+
+    def forget_pattern(self, *, keep_factors: bool = False) -> None:
+        """Begin anew for the next matrix, whose pattern differs; its factors may be the present."""
+        if self._columns is not None:
+            self._columns.destroy()
+        self._columns = None
+        if keep_factors:
+            return
+        for of_pattern in (self._factors, self._matrix):
+            if of_pattern is not None:
+                of_pattern.destroy()
+        self._factors = self._matrix = None
+
+    def _compute_factors(self) -> None:
+        """Factor the matrix, without pivoting in the order of elimination of the last one."""
+        if self._factors is None or self._options is not options.STRIP_FACTORS:
+            if self._factors is not None:
+                self._factors.destroy()
+            self._factors = PETSc.PC().create(self._comm)
+            self._factors.setOptionsPrefix(self._prefix)
+        with options.options_added(self._prefix, self._options):
+            self._factors.setFromOptions()
+            self._factors.setOperators(self._matrix)
+            self._factors.setUp()
+
+    def _is_accurate(self) -> bool:
+        """Whether the residual of one solution is as small as without growth of the pivots."""
+        self._b.set(1.0)
+        self._factors.apply(self._b, self._x)
+        size = self._b.norm()
+        self._matrix.mult(self._x, self._b)
+        self._b.shift(-1.0)
+        return bool(self._b.norm() <= options.WITHOUT_PIVOTING * size)
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, *, transpose: bool = False) -> None:
+        """Solve for the rows of the strip and for prescribed dofs; other values are zero.
+
+        Args:
+            b: Right-hand side of the whole matrix.
+            x: The solution; changed.
+            transpose: Whether to solve with the transposed factors.
+        """
+        x.set(0.0)
+        x.array[self._prescribed] = b.array_r[self._prescribed] / self._diagonal
+        self._b.array[:] = b.array_r[self._rows]
+        apply = self._factors.applyTranspose if transpose else self._factors.apply
+        apply(self._b, self._x)
+        x.array[self._rows] = self._x.array_r
+
+    def subtract_product(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Subtract A x from ``b`` for a solution ``x`` of ``solve``.
+
+        Args:
+            x: The solution, zero outside of the strip and of prescribed dofs.
+            b: Vector of the whole matrix; changed.
+        """
+        self._on_solved.array[:] = x.array_r[self._solved]
+        self._columns.mult(self._on_solved, self._on_touched)
+        b.array[self._touched] -= self._on_touched.array_r
+
+    def subtract_transposed(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Subtract A^T x from ``b`` in the rows that ``solve`` uses.
+
+        Args:
+            x: Any vector.
+            b: Vector of the whole matrix; changed.
+        """
+        self._on_touched.array[:] = x.array_r[self._touched]
+        self._columns.multTranspose(self._on_touched, self._on_solved)
+        b.array[self._solved] -= self._on_solved.array_r
+
+
+def dofs_of(surfaces: Sequence[Surface]) -> Indices:
+    """Owned dofs of the nodes of surfaces, shape (n,) (local)."""
+    dofs = [np.empty(0, np.int64), *(surface.local_dofs.ravel() for surface in surfaces)]
+    return np.unique(np.concatenate(dofs))
+
+
+def with_neighbours(bulk: Bulk, dofs: Indices, layers: int) -> Indices:
+    """Owned dofs, shape (n,), within ``layers`` of cells of owned ones (collective).
+
+    By the cells: K has entries of contact, too, where its pattern was extended.
+    """
+    V, size = bulk.V, bulk.space.block_size
+    index_map, cells = V.dofmap.index_map, compat.dofmap(V)
+    count = index_map.size_local + index_map.num_ghosts
+    numbers = index_map.local_to_global(np.arange(count, dtype=np.int32))
+    found = np.unique(dofs // size)
+    for _ in range(layers):
+        everywhere = np.concatenate(bulk.comm.allgather(numbers[found]))
+        found = np.unique(cells[np.isin(numbers, everywhere)[cells].any(axis=1)])
+    everywhere = np.unique(np.concatenate(bulk.comm.allgather(numbers[found])))
+    first, end = index_map.local_range
+    mine = everywhere[(everywhere >= first) & (everywhere < end)] - first
+    return (size * mine[:, None] + np.arange(size)).ravel()

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A mesh with named bodies and boundaries.
-
-Dirichlet conditions on named boundaries.
-"""
+"""A mesh with named bodies and boundaries, and Dirichlet conditions on its boundaries."""
 
 from __future__ import annotations
 

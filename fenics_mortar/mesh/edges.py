@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Edges of cells, and hanging nodes on them.
+"""Hanging nodes: inside an edge of another cell, along which the body is not joined.
 
-A hanging node lies inside an edge of another cell, along which the body is not joined.
-
-An edge of one cell only belongs to the outline of a body. Near a hanging node the outline runs
-from a node along one side of a line and back along the other one. The same is true of a slit; but
-the nodes of its sides coincide in pairs, or its sides are named boundaries: of different names if
-the two ends of the slit are nodes of both sides, as the edges at a hanging node may also be parts
-of one name. Surfaces that touch without a common node are not considered.
-
-At a hanging node in space the edge of a cell ends inside a longer edge with the same start, which
-belongs to another cell. The same is true of the two sides of a crack with different meshes; but
-these are boundaries of different names. Nodes inside faces come with nodes inside the edges of
-these.
+``check_hanging_nodes`` and ``check_hanging_nodes_in_space`` find them among the edges of the
+outline, and tell them from slits and cracks.
 """
 
 from __future__ import annotations
@@ -32,6 +22,12 @@ if TYPE_CHECKING:
 
 def check_hanging_nodes(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
     """Reject nodes inside an edge of another cell (local).
+
+    An edge of one cell only belongs to the outline of a body. Near a hanging node the outline runs
+    from a node along one side of a line and back along the other one. The same is true of a slit;
+    but the nodes of its sides coincide in pairs, or its sides are named boundaries: of different
+    names if the two ends of the slit are nodes of both sides, as the edges at a hanging node may
+    also be parts of one name. Surfaces that touch without a common node are not considered.
 
     Args:
         x: Positions of the nodes, shape (n, 2) [length].
@@ -167,6 +163,11 @@ class _Outline:
 
 def check_hanging_nodes_in_space(x: Array, cells: Indices, facets: Indices, tags: Numbers) -> None:
     """Reject nodes inside an edge of another cell (local).
+
+    At a hanging node in space the edge of a cell ends inside a longer edge with the same start,
+    which belongs to another cell. The same is true of the two sides of a crack with different
+    meshes; but these are boundaries of different names. Nodes inside faces come with nodes inside
+    the edges of these.
 
     Args:
         x: Positions of the nodes, shape (n, 3) [length].

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Reader of gmsh meshes, whose physical groups name bodies and boundaries.
+"""Reader of gmsh's models and .msh files, whose physical groups name bodies and boundaries.
 
 In the plane physical groups of dimension 2 are bodies, those of dimension 1 boundaries; in space
-those of dimension 3 and 2. Wherever a name is
-expected, the integer tag of the group is accepted as well.
+those of dimension 3 and 2. Wherever a name is expected, the integer tag of the group is accepted as
+well.
 
-Meshes of gmsh: those of its live models, and of .msh files of the formats 4.1 and 2.2.
-
-The sections of physical names, entities, nodes and elements are read, as text or binary, without
-gmsh, whose import takes longer than a small solve. In format 2.2 each element has its entity and
-physical group beside its nodes.
+``read_msh`` reads files of the formats 4.1 and 2.2, ``GmshMesh`` holds what was read, and
+``read_gmsh`` makes the distributed mesh from it.
 """
 
 from __future__ import annotations
@@ -28,12 +25,11 @@ from fenics_mortar.mesh.from_arrays import (
     Tagged,
     check_different,
     check_joined,
-    check_rank,
-    distributed,
+    from_rank,
 )
 from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, Numbers
-from fenics_mortar.utils.errors import MeshError, refuse_in_space, together
+from fenics_mortar.utils.errors import MeshError, refuse_in_space
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.data import MeshData
@@ -49,7 +45,7 @@ TYPES = {
     18: (3, "Prism 15", 15), 13: (3, "Prism 18", 18), 7: (3, "Pyramid 5", 5),
     19: (3, "Pyramid 13", 13), 14: (3, "Pyramid 14", 14),
 }  # fmt: skip
-# Nodes of gmsh's solids of order 2 in the order of ``mesh.space``, by their number.
+# Nodes of gmsh's solids of order 2 in the order of ``Kind``, by their number.
 TETRAHEDRON = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 HEXAHEDRON = [*range(8), 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26]
 ORDERS = {10: TETRAHEDRON, 27: HEXAHEDRON}
@@ -160,6 +156,10 @@ class GmshMesh:
 
 def read_msh(path: Path) -> GmshMesh:
     """Read a file of format 4.1 or 2.2.
+
+    The sections of physical names, entities, nodes and elements are read, as text or binary,
+    without gmsh, whose import takes longer than a small solve. In format 2.2 each element has its
+    entity and physical group beside its nodes.
 
     Raises:
         MeshError: If the file is damaged or of another format.
@@ -380,12 +380,7 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
                 gmsh.model.mesh.generate(2)
             data = read_gmsh(gmsh.model, comm)
     """
-    check_rank("read_gmsh", comm, rank)
-    mine = None
-    with together(comm, "read_gmsh"):
-        if comm.rank == rank:
-            mine = _checked(_mesh_of(source))
-    return distributed(comm, rank, mine)
+    return from_rank("read_gmsh", comm, rank, lambda: _checked(_mesh_of(source)))
 
 
 def _mesh_of(source: str | Path | Any) -> GmshMesh:
@@ -416,6 +411,8 @@ def _check_cells(mesh: GmshMesh) -> None:
     """Raise unless the elements are of one type that dolfinx reads (local)."""
     dim = mesh.dim
     elements = mesh.elements(dim)
+    if not (mesh.groups or mesh.blocks):
+        raise MeshError("there is no geometry; was gmsh.initialize() called before it was made?")
     if not elements:
         raise MeshError("there are no elements of dimension 2; was model.mesh.generate(2) called?")
     names = sorted(TYPES[kind][1] if kind in TYPES else f"number {kind}" for kind in elements)

@@ -1,33 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The space of the displacement, and the out-of-plane thickness of the bodies.
+"""The space of the displacement: nodes, dofs, thickness, kinds of cells, numbers of the mesh input.
 
-**Out-of-plane thickness of the bodies, by which all integrals over the interface are weighted.**
-
-==============  ==========================================================================
-geometry        thickness at a point of current position x and reference position X
-==============  ==========================================================================
-"plane"         one, without a unit; or a given t(X) > 0 [length]
-"axisymmetric"  2 pi x_0: the mesh is the meridian half plane, the axis is x_0 = 0
-==============  ==========================================================================
-
-Tractions and multipliers are always stresses. With a thickness, D, M and weights are areas, and
-forces act on the whole body. Both sides of a contact take the thickness of the slave's point, as
-the virtual work int z . (dx_s - dx_m) t dgamma demands, so that forces and moments of the two sides
-cancel.
-
-The residual is the user's: its measures need the thickness of the reference configuration, 2 pi X_0
-with axisymmetry, and its strains the hoop stretch, F_33 = 1 + u_0 / X_0. Quadrature points inside
-the cells avoid division by zero.
-
-A body of revolution has one rigid motion, the translation along the axis: a radial translation
-strains it. Only the axial forces must balance; radial forces are balanced by hoop stresses.
-
-Kinds of cells that meshes from arrays may have: their corners, edges and facets.
-
-Nodes are numbered as in VTK and meshio: corners, middles of edges, centres of faces, centre of the
-cell. Faces of hexahedra have centres with 27 nodes.
-
-Function values by input node numbers of the mesh, independent of the number of ranks.
+``DisplacementSpace`` has the nodes and dofs of the displacement, and the out-of-plane ``Thickness``
+of the bodies, by which all integrals over the interface are weighted. ``Kind`` describes the cells
+that meshes from arrays may have: corners, edges and facets. Functions such as ``by_input_node`` and
+``input_nodes`` give function values and nodes by the numbers of the mesh input, independent of the
+number of ranks.
 """
 
 from __future__ import annotations
@@ -44,17 +22,10 @@ import numpy as np
 import numpy.typing as npt
 
 import basix
+from dolfinx import fem
 
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.arrays import Array, Indices, Numbers, values_at
-from fenics_mortar.utils.errors import (
-    MortarError,
-    call_together,
-    check_choice,
-    check_number,
-    check_same,
-    raise_together,
-)
 
 Geometry = Literal["plane", "axisymmetric"]
 Given = float | Callable[[Array], Any] | None
@@ -66,7 +37,7 @@ def check_geometry(geometry: Any, thickness: Any) -> None:
     Raises:
         ValueError: If a value is invalid.
     """
-    check_choice("geometry", geometry, get_args(Geometry))
+    errors.check_choice("geometry", geometry, get_args(Geometry))
     if geometry != "plane" and thickness is not None:
         raise ValueError(
             "thickness with geometry='axisymmetric': the thickness of a body of revolution is "
@@ -74,12 +45,31 @@ def check_geometry(geometry: Any, thickness: Any) -> None:
         )
     if thickness is not None and not callable(thickness):
         expected = "a positive length, or a function of reference positions (n, 2)"
-        check_number("thickness", thickness, expected, lambda t: 0.0 < t < np.inf)
+        errors.check_number("thickness", thickness, expected, lambda t: 0.0 < t < np.inf)
 
 
 @dataclass(frozen=True)
 class Thickness:
     """Thickness of all bodies: a constant part, and its derivative with respect to the current x_0.
+
+    ==============  ==========================================================================
+    geometry        thickness at a point of current position x and reference position X
+    ==============  ==========================================================================
+    "plane"         one, without a unit; or a given t(X) > 0 [length]
+    "axisymmetric"  2 pi x_0: the mesh is the meridian half plane, the axis is x_0 = 0
+    ==============  ==========================================================================
+
+    Tractions and multipliers are always stresses. With a thickness, D, M and weights are areas, and
+    forces act on the whole body. Both sides of a contact take the thickness of the slave's point,
+    as the virtual work int z . (dx_s - dx_m) t dgamma demands, so that forces and moments of the
+    two sides cancel.
+
+    The residual is the user's: its measures need the thickness of the reference configuration,
+    2 pi X_0 with axisymmetry, and its strains the hoop stretch, F_33 = 1 + u_0 / X_0. Quadrature
+    points inside the cells avoid division by zero.
+
+    A body of revolution has one rigid motion, the translation along the axis: a radial translation
+    strains it. Only the axial forces must balance; radial forces are balanced by hoop stresses.
 
     Attributes:
         constant: A length, or a function of reference positions (n, 2); 0 with axisymmetry.
@@ -94,11 +84,11 @@ class Thickness:
         """Thickness at nodes ``X`` (n, 2) of a surface, equal on all ranks (collective).
 
         Raises:
-            MortarError: On all ranks, if the user's function does not return positive lengths, or
+            MortarError: On all ranks, if the user's function does not return positive lengths,
                 or returns different values on different ranks.
         """
-        constant = call_together(comm, "thickness", partial(self._constant_at, X))
-        check_same(comm, [("thickness", constant)])
+        constant = errors.call_together(comm, "thickness", partial(self._constant_at, X))
+        errors.check_same(comm, [("thickness", constant)])
         return NodalThickness(constant, self.by_x)
 
     def _constant_at(self, X: Array) -> Array:
@@ -106,12 +96,12 @@ class Thickness:
             return np.full(len(X), self.constant)
         found = np.asarray(self.constant(X.copy()))
         if found.shape != (len(X),) or found.dtype.kind not in "iuf":
-            raise MortarError(
+            raise errors.MortarError(
                 f"thickness returned an array of shape {found.shape} and type {found.dtype} for "
                 f"{len(X)} points; expected real numbers of shape ({len(X)},)"
             )
         if not (np.isfinite(found) & (found > 0.0)).all():
-            raise MortarError("thickness returned values that are not positive lengths")
+            raise errors.MortarError("thickness returned values that are not positive lengths")
         return found.astype(np.float64)
 
 
@@ -225,6 +215,21 @@ class DisplacementSpace:
         values[self.dofs] = nodal[:, None]
         return values
 
+    @cached_property
+    def _scalar(self) -> tuple[fem.Function, Indices]:
+        """A function of one component of the displacement, and the local nodes of its dofs."""
+        V, dofs = compat.collapsed(self.V.sub(0))
+        return fem.Function(V), dofs // self.dim
+
+    def nodal_values(self, function: fem.Function) -> Array:
+        """Values of a scalar function at the nodes as by ``spread`` [their unit] (collective)."""
+        scalar, nodes = self._scalar
+        scalar.interpolate(function)
+        scalar.x.scatter_forward()
+        values = np.zeros(len(self.dofs))
+        values[nodes] = scalar.x.array
+        return self.spread(values)
+
     def move_nodes(self, nodes: Indices, X: Array) -> None:
         """Move nodes of the mesh (collective, but without communication).
 
@@ -255,6 +260,9 @@ NUMBERS = (3, 4, 4, 8), (6, 9, 10, 27)
 @dataclass(frozen=True)
 class Kind:
     """A kind of cells.
+
+    Nodes are numbered as in VTK and meshio: corners, middles of edges, centres of faces, centre of
+    the cell. Faces of hexahedra have centres with 27 nodes.
 
     Attributes:
         name: Name of the cell in basix.
@@ -391,7 +399,7 @@ def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: 
     """
     rows = _rows_among(input_nodes(space.whole), nodes)
     wrong = "the saved state belongs to another mesh or degree"
-    raise_together(space.V.mesh.comm, MortarError(wrong) if rows is None else None)
+    errors.raise_together(space.V.mesh.comm, errors.MortarError(wrong) if rows is None else None)
     u.x.array[:] = values[rows].ravel()
 
 
@@ -412,7 +420,7 @@ def by_cell(function: Any, values: Array) -> tuple[Indices, Array]:
 
     Args:
         function: Function whose dofs are inside the cells, as of a quadrature space.
-        values: Values like those of its array, shape (local values,) [any unit].
+        values: Values in the order of its array, shape (local values,) [any unit].
 
     Returns:
         Input numbers of the vertices of all cells, in the order of the reference cell and ascending
@@ -429,7 +437,7 @@ def by_cell(function: Any, values: Array) -> tuple[Indices, Array]:
 
 
 def set_by_cell(function: Any, vertices: Indices, values: Array) -> Array:
-    """Values like those of the array of a function, (local values,), from ``by_cell`` (local).
+    """Values in the order of a function's array, (local values,), from ``by_cell`` (local).
 
     Args:
         function: See ``by_cell``.

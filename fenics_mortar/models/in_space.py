@@ -1,29 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Was a plane or axisymmetric model enough? The error of the dimension.
 
-The solution of the plane problem, lifted to a problem in space, is that of a cheap model, and a
-Newton step of the problem in space corrects it, see ``model_error``. All quantities are those of
-the bodies in space, so that the thickness of the plane does not matter.
+The solution of the plane problem, lifted to a problem in space, see ``Lift``, is that of a cheap
+model, and a Newton step of the problem in space corrects it, see ``model_error``. All quantities
+are those of the bodies in space, so that the thickness of the plane does not matter.
 
 With friction, slip is counted from the lifted solution of the last check, in the first one from the
 state in which the problem in space was given.
-
-The solution of a plane or axisymmetric problem as a state of a problem in space.
-
-Positions of the problem in space have coordinates of the section, as in ``obstacles.shapes``:
-with the unit vectors e_1, e_2 and a = e_1 x e_2 along the axis of extrusion, or e_1 = e_r and e_2
-along the axis of revolution,
-
-    u(X) = u_1 e_1 + u_2 e_2 + s e_a a,    z(X) = (z_1 e_1 + z_2 e_2) / (1 + e_a),
-
-where u_1, u_2, z_1 and z_2 are those of the plane problem at the coordinates of X, and
-s = (X - O) . a. e_a is the strain along a, zero in plane strain; forces are those of the thickness
-before it.
-
-Displacements are interpolated linearly between the nodes of the plane mesh, body by body: bodies in
-contact have different values at one position. A body of the plane represents those bodies in space
-most of whose nodes are in it. On a mesh extruded or revolved from that of the plane nothing is
-interpolated; otherwise the difference of the meshes is part of the error.
 """
 
 from __future__ import annotations
@@ -53,7 +36,6 @@ from fenics_mortar.models.model_error import (
     differences,
     take_steps,
 )
-from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
 from fenics_mortar.obstacles.shapes import directions_across
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
@@ -62,8 +44,10 @@ from fenics_mortar.utils.errors import (
     MeshError,
     MortarError,
     RaisedElsewhereError,
+    check_direction,
     check_kind,
     check_same_texts,
+    check_vector,
     format_point,
     together,
 )
@@ -135,6 +119,21 @@ class Section:
 class Lift:
     """A plane problem as a part of a problem in space; the constructor is collective.
 
+    Its solution becomes a state of the problem in space. Positions of the problem in space have
+    coordinates of the section, as in ``obstacles.shapes``: with the unit vectors e_1, e_2 and
+    a = e_1 x e_2 along the axis of extrusion, or e_1 = e_r and e_2 along the axis of revolution,
+
+        u(X) = u_1 e_1 + u_2 e_2 + s e_a a,    z(X) = (z_1 e_1 + z_2 e_2) / (1 + e_a),
+
+    where u_1, u_2, z_1 and z_2 are those of the plane problem at the coordinates of X, and
+    s = (X - O) . a. e_a is the strain along a, zero in plane strain; forces are those of the
+    thickness before it.
+
+    Displacements are interpolated linearly between the nodes of the plane mesh, body by body:
+    bodies in contact have different values at one position. A body of the plane represents those
+    bodies in space most of whose nodes are in it. On a mesh extruded or revolved from that of the
+    plane nothing is interpolated; otherwise the difference of the meshes is part of the error.
+
     Args:
         plane: The problem in the plane.
         solid: The problem in space, with the same pairs in the same order.
@@ -193,7 +192,7 @@ class Lift:
         for other, contact in zip(self._plane.equations.contacts, self._solid.equations.contacts):
             if contact.obstacle is None or other.obstacle is None:
                 continue
-            found = motions.found[motions.obstacles.index(contact.obstacle)]
+            found = motions.of_obstacle(contact, motions.found)
             place = self._section.place_in_space(other.obstacle.place)
             contact.obstacle.place = np.where(found, place, contact.obstacle.place)
 
@@ -202,7 +201,7 @@ class Lift:
         found = np.empty((len(self._points), 2))
         for number, (body, nodes) in enumerate(zip(self._bodies, self._nodes, strict=True)):
             mine = self._body == number
-            found[mine] = interpolate(body, values[nodes], self._points[mine])[0]
+            found[mine] = extrapolate(body, values[nodes], self._points[mine])[0]
         return found
 
     def _match_bodies(self) -> Indices:
@@ -221,7 +220,7 @@ class Lift:
         best = sum_over_ranks(comm, inside).argmax(axis=0)[parts]
         farthest = np.zeros(1)
         for number, body in enumerate(self._bodies):
-            _, distances = interpolate(body, body.X, self._points[best == number])
+            _, distances = extrapolate(body, body.X, self._points[best == number])
             farthest[0] = max(farthest[0], distances.max(initial=0.0))
         farthest = largest_over_ranks(comm, farthest)
         if farthest[0] > OUTSIDE * self._size:
@@ -250,37 +249,6 @@ class Lift:
                 "same order, with the same roles"
             )
         return ends, shares
-
-
-def interpolate(body: Triangles, values: Array, points: Array) -> tuple[Array, Array]:
-    """Values at points in a body, those of the nearest point outside of it (collective).
-
-    Args:
-        body: The body.
-        values: Values at its local nodes, shape (n, 2) [unit].
-        points: Points of this rank, shape (p, 2) [length].
-
-    Returns:
-        Values, shape (p, 2) [unit], and distances from the body, shape (p,) [length].
-    """
-    found, distances = body.interpolate(values, points), np.zeros(len(points))
-    outside = np.flatnonzero(np.isnan(found[:, 0]))
-    requests = body.comm.allgather(points[outside])
-    answers = body.comm.alltoall([_nearest(body, values, there) for there in requests])
-    distances[outside] = np.inf
-    for at, away in answers:
-        nearer = away < distances[outside]
-        found[outside[nearer]], distances[outside[nearer]] = at[nearer], away[nearer]
-    return found, distances
-
-
-def _nearest(body: Triangles, values: Array, points: Array) -> tuple[Array, Array]:
-    """Values at the nearest points of this rank's cells, (p, 2), and distances, (p,) (local)."""
-    if not (len(body.nodes) and len(points)):
-        return np.zeros((len(points), 2)), np.full(len(points), np.inf)
-    corners, weights = nearest_points(points, body.X, linear_facets(body.nodes, len(body.X)))
-    at, x = (np.einsum("pk,pkc->pc", weights, field[corners]) for field in (values, body.X))
-    return at, np.hypot(*(x - points).T)
 
 
 def project(V: Any, expression: Any) -> Array:
@@ -457,3 +425,25 @@ class InSpace:
         change = np.abs(solved.u - lifted.u).max(initial=0.0)
         (largest,) = largest_over_ranks(self._solid.equations.comm, np.array([change]))
         return f"displacement in space differs by {largest:.2g}"
+
+
+def extrapolate(body: Triangles, values: Array, points: Array) -> tuple[Array, Array]:
+    """Values at points in a body, those of the nearest point outside of it (collective).
+
+    Args:
+        body: The body.
+        values: Values at its local nodes, shape (n, 2) [unit].
+        points: Points of this rank, shape (p, 2) [length].
+
+    Returns:
+        Values, shape (p, 2) [unit], and distances from the body, shape (p,) [length].
+    """
+
+    def nearest(values: Array, points: Array) -> tuple[Array, Array]:
+        if not (len(body.nodes) and len(points)):
+            return np.zeros((len(points), 2)), np.full(len(points), np.inf)
+        corners, weights = nearest_points(points, body.X, linear_facets(body.nodes, len(body.X)))
+        at, x = (np.einsum("pk,pkc->pc", weights, field[corners]) for field in (values, body.X))
+        return at, np.hypot(*(x - points).T)
+
+    return body.on_all_ranks(nearest, values, points)

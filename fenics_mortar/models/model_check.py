@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Model check: estimated errors of its assumptions.
+"""Model check: estimated errors of the assumptions of a problem's model.
 
 The estimates of ``model_error`` use one Newton step of a richer model at the solution of the
 present one.
 
 Indicators are the deviations from the assumptions. The body that an obstacle represents may be
-meshed alone, see ``model_error``: the displacement of its surface under the tractions widens
-the gaps in the richer model. The error of the facets of that mesh, compared with the curve, is
-reported separately; if it is larger, refine that mesh first. Without a mesh only a rule is
-available: a body of modulus
-E' = E / (1 - nu^2) against another one of its shape has the compliance 1/E' + 1/E'_other, so
-neglecting the other compliance is an error of E' / E'_other (of forces and pressures under
-prescribed displacements; half of it, of pressures, under prescribed forces). Shape and supports may
-change this estimate by a factor of three.
+meshed alone, see ``model_error``: the displacement of its surface under the tractions widens the
+gaps in the richer model. The error of the facets of that mesh, compared with the curve, is reported
+separately; if it is larger, refine that mesh first. Without a mesh only a rule is available: a body
+of modulus E' = E / (1 - nu^2) against another one of its shape has the compliance
+1/E' + 1/E'_other, so neglecting the other compliance is an error of E' / E'_other (of forces and
+pressures under prescribed displacements; half of it, of pressures, under prescribed forces). Shape
+and supports may change this estimate by a factor of three.
 
 A plane or axisymmetric problem is lifted to one in space, see ``in_space``.
 
@@ -35,21 +34,8 @@ import ufl
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import Coulomb, Law, Stick
+from fenics_mortar.models import model_error
 from fenics_mortar.models.in_space import InSpace
-from fenics_mortar.models.model_error import (
-    ENERGY,
-    LINEAR,
-    QUANTITIES,
-    SMALL,
-    Assumption,
-    ElasticObstacle,
-    ModelReport,
-    describe,
-    estimate,
-    rigid_obstacle,
-    shear_demand,
-    sliding_little,
-)
 from fenics_mortar.utils.errors import check_choice, check_kind, check_number, check_same_texts
 
 if TYPE_CHECKING:
@@ -84,15 +70,15 @@ class ModelCheck:
         self,
         tolerance: float = 0.01,
         *,
-        quantity: str = ENERGY,
+        quantity: str = model_error.ENERGY,
         finite_strain: Any | None = None,
         stiffness_ratio: float | None = None,
-        elastic_obstacles: Sequence[ElasticObstacle] = (),
+        elastic_obstacles: Sequence[model_error.ElasticObstacle] = (),
         discretisation: float | None = None,
         friction: float | None = None,
         in_space: InSpace | None = None,
     ) -> None:
-        check_choice("quantity", quantity, QUANTITIES)
+        check_choice("quantity", quantity, model_error.QUANTITIES)
         numbers = {"tolerance": tolerance, "stiffness_ratio": stiffness_ratio, "friction": friction}
         for name, value in numbers.items():
             if value is not None or name == "tolerance":
@@ -103,7 +89,7 @@ class ModelCheck:
         expected = "a list of ElasticObstacle"
         check_kind("elastic_obstacles", elastic_obstacles, Sequence, expected)
         for elastic in elastic_obstacles:
-            check_kind("elastic_obstacles", elastic, ElasticObstacle, expected)
+            check_kind("elastic_obstacles", elastic, model_error.ElasticObstacle, expected)
         if finite_strain is not None:
             check_kind("finite_strain", finite_strain, ufl.Form, "a UFL form of the residual")
         if in_space is not None:
@@ -163,20 +149,20 @@ class ModelCheck:
         if self._in_space is not None:
             self._in_space.follow(problem)
 
-    def assess(self, problem: ContactProblem) -> ModelReport:
+    def assess(self, problem: ContactProblem) -> model_error.ModelReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
         found = list(self._assumptions(problem))
-        return ModelReport(found, self._tolerance, self._quantity, self._discretisation)
+        return model_error.ModelReport(found, self._tolerance, self._quantity, self._discretisation)
 
-    def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
+    def _assumptions(self, problem: ContactProblem) -> Iterator[model_error.Assumption]:
         richer: dict[str, dict[str, Any]] = {}
         if self._finite_strain is not None:
-            richer[LINEAR] = {"residual": self._finite_strain}
-        if sliding_little(problem):
-            richer[SMALL] = {"sliding": "finite"}
+            richer[model_error.LINEAR] = {"residual": self._finite_strain}
+        if model_error.sliding_little(problem):
+            richer[model_error.SMALL] = {"sliding": "finite"}
         for name, model in richer.items():
-            errors = estimate(problem, self._variant(problem, name, model))
-            yield Assumption(name, describe(problem, name), errors)
+            errors = model_error.estimate(problem, self._variant(problem, name, model))
+            yield model_error.Assumption(name, model_error.describe(problem, name), errors)
         yield from self._rigid(problem)
         yield from self._without_friction(problem)
         if self._in_space is not None:
@@ -184,27 +170,31 @@ class ModelCheck:
         if len(richer) > 1:
             everything = {key: value for model in richer.values() for key, value in model.items()}
             name = " and ".join(richer)
-            yield Assumption(name, "", estimate(problem, self._variant(problem, name, everything)))
+            yield model_error.Assumption(
+                name, "", model_error.estimate(problem, self._variant(problem, name, everything))
+            )
 
     def _variant(self, problem: ContactProblem, name: str, model: dict[str, Any]) -> ContactProblem:
         if name not in self._richer:
             self._richer[name] = problem.variant(**model)
         return self._richer[name]
 
-    def _rigid(self, problem: ContactProblem) -> Iterator[Assumption]:
+    def _rigid(self, problem: ContactProblem) -> Iterator[model_error.Assumption]:
         """Errors of rigid obstacles, from their elastic bodies or the ratio of stiffness."""
         ratio = self._stiffness_ratio
         for obstacle in problem.equations.motions.obstacles:
             if obstacle in self._elastic:
-                yield rigid_obstacle(problem, self._elastic[obstacle])
+                yield model_error.rigid_obstacle(problem, self._elastic[obstacle])
             else:
                 known = (
                     f"stiffness ratio {ratio:.2g}" if ratio is not None else "no stiffness_ratio"
                 )
                 error = np.nan if ratio is None else ratio
-                yield Assumption(f"rigid {obstacle}", known, dict.fromkeys(QUANTITIES, error))
+                yield model_error.Assumption(
+                    f"rigid {obstacle}", known, dict.fromkeys(model_error.QUANTITIES, error)
+                )
 
-    def _without_friction(self, problem: ContactProblem) -> Iterator[Assumption]:
+    def _without_friction(self, problem: ContactProblem) -> Iterator[model_error.Assumption]:
         """Error of neglecting friction: all nodes stick; nodes with too large a shear slide."""
         number = self._friction
         if number is not None and any(map(_is_frictionless, problem.equations.contacts)):
@@ -212,11 +202,11 @@ class ModelCheck:
             rough = self._variant(problem, "friction", {"law": partial(_instead, Coulomb(number))})
             kept = problem.state()
             self._count_all_slip(problem)
-            errors = estimate(problem, stick, rough)
+            errors = model_error.estimate(problem, stick, rough)
             problem.restore(kept)
-            demand = shear_demand(stick)
+            demand = model_error.shear_demand(stick)
             known = f"stick requires mu = {demand:.2g}; friction up to {number:.2g} is possible"
-            yield Assumption("frictionless", known, errors)
+            yield model_error.Assumption("frictionless", known, errors)
 
     def _count_all_slip(self, problem: ContactProblem) -> None:
         """Accumulate the slip of each node since first contact, over all checked steps."""

@@ -9,26 +9,9 @@ apart, and a few more steps follow, until the remaining residual, as a fraction 
 cannot change any quantity by half. All quantities are checked, since a peak pressure may be
 accurate while the contact area is not.
 
-**Deviations of a state from the assumptions of its model, as numbers and as text.** For linear
-strain: the rotation, whose spurious strain is angle^2 / 2, and the strain; for small sliding: the
-slip over a facet's length and the rotation of the normals; without friction: the friction that
-sticking would require.
-
-Strains and rotations of a state in the plane or in space, from polar decompositions F = R U.
-
-The elastic body that a rigid obstacle represents, and the displacement of its surface.
-
-The tractions of a solved contact, applied to the mesh of the body, displace its surface by one
-linear solve. With an elastic obstacle the gaps would be wider by this displacement. A second linear
-solve, with the tangent of the problem, yields the change of the solution: the error of the rigid
-obstacle to first order, for the shapes and supports of both bodies. It is of first order for any
-change of the contact area, since the elastic energy W of the soft body, as a function of the
-obstacle's motion, decreases by the complementary energy of the obstacle at equal forces.
-
-The deviation of the facets of a curved obstacle's mesh from the curve has the effect of an elastic
-displacement. It is an error of the mesh, not of the rigid obstacle, and is reported separately.
-
-All quantities are in the frame of the obstacle, which may have moved and rotated arbitrarily.
+``estimate`` compares models, ``rigid_obstacle`` an obstacle with an ``ElasticObstacle``,
+``describe`` states how far a solution deviates from the assumptions, and a ``ModelReport`` has the
+errors.
 """
 
 from __future__ import annotations
@@ -49,17 +32,11 @@ from fenics_mortar.bulk.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk.checks import check_residual, check_space
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface_fields import tangential
+from fenics_mortar.contact.fields import tangential
 from fenics_mortar.contact.law import Stick
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.equations.general import restored_if_interrupted
-from fenics_mortar.interface.facing import (
-    linear_facets,
-    nearest_on_chords,
-    nearest_points,
-    points_of,
-    with_weight,
-)
+from fenics_mortar.interface import facing
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.reference import gauss_rule
 from fenics_mortar.interface.traces import extract_surface
@@ -86,7 +63,10 @@ if TYPE_CHECKING:
 
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:
-    """Largest rotation [radian] and principal strain of F = R U, cell means (collective)."""
+    """Largest rotation [radian] and principal strain, cell means (collective).
+
+    From polar decompositions F = R U at the present state, in the plane or in space.
+    """
     bulk = problem.equations.bulk
     R, stretches = polar(bulk.cells.deformation_gradients(bulk.positions()))
     strains = np.abs(stretches - 1.0).max(axis=1)
@@ -281,7 +261,11 @@ LINEAR, SMALL = "linear strain", "small sliding"
 
 
 def describe(problem: ContactProblem, assumption: str) -> str:
-    """The deviations of a solved problem from an assumption, as text (collective)."""
+    """The deviations of a solved problem from an assumption, as text (collective).
+
+    For linear strain: the rotation, whose spurious strain is angle^2 / 2, and the strain; for small
+    sliding: the slip over a facet's length and the rotation of the normals.
+    """
     if assumption == LINEAR:
         rotation, strain = largest_strain(problem)
         return f"rotation {np.degrees(rotation):.2g}°, strain {100 * strain:.2g} %"
@@ -310,7 +294,8 @@ def _largest_slip(contact: Contact) -> tuple[float, float]:
 def shear_demand(problem: ContactProblem) -> float:
     """Largest mean |z_tau| / z_n of all pairs with a sticking law [1] (local).
 
-    In space the sizes of the vectors z_tau.
+    This is the deviation of a model without friction: the friction that sticking would require. In
+    space the sizes of the vectors z_tau.
     """
     demands = [
         relative(
@@ -405,6 +390,20 @@ POINTS_ON_FACET = 12
 
 class ElasticObstacle:
     """Mesh and stiffness of the body that a rigid obstacle represents.
+
+    The tractions of a solved contact, applied to the mesh of the body, displace its surface by one
+    linear solve. With an elastic obstacle the gaps would be wider by this displacement. A second
+    linear solve, with the tangent of the problem, yields the change of the solution: the error of
+    the rigid obstacle to first order, for the shapes and supports of both bodies. It is of first
+    order for any change of the contact area, since the elastic energy W of the soft body, as a
+    function of the obstacle's motion, decreases by the complementary energy of the obstacle at
+    equal forces.
+
+    The deviation of the facets of a curved obstacle's mesh from the curve has the effect of an
+    elastic displacement. It is an error of the mesh, not of the rigid obstacle, and is reported
+    separately.
+
+    All quantities are in the frame of the obstacle, which may have moved and rotated arbitrarily.
 
     Args:
         obstacle: The obstacle, whose surface is that of the mesh in its initial position.
@@ -502,17 +501,17 @@ class _Touching:
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Any) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
-        self._points = points_of(o.segments, gauss_rule(POINTS_ON_FACET))
+        self._points = facing.points_of(o.segments, gauss_rule(POINTS_ON_FACET))
         self._measure = self._points.measure(o.x)
-        self._tractions = with_weight(self._points, at_vertices=contact.at_vertices)
+        self._tractions = facing.with_weight(self._points, at_vertices=contact.at_vertices)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, surface.dim))
         if surface.dim == 3:
-            facets = linear_facets(surface.facets, surface.num_nodes)
-            self._corners, self._shares = nearest_points(own, surface.X, facets)
+            facets = facing.linear_facets(surface.facets, surface.num_nodes)
+            self._corners, self._shares = facing.nearest_points(own, surface.X, facets)
         else:
-            self._corners, self._shares = nearest_on_chords(own, surface.X, surface)
+            self._corners, self._shares = facing.nearest_on_chords(own, surface.X, surface)
 
     def add_tractions(self, load: Array) -> None:
         """Add the nodal forces of tractions to ``load`` (nodes, dim), in the obstacle's frame."""

@@ -1,14 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Newton's method for any equations: options, loop, damped steps.
-
-**Damped Newton steps: line search on the residual, or a limit of the surface motion.** Both are off
-by default, see ``NewtonOptions``. A full step often raises the residual for one iteration, when
-nodes come into contact, and the next iterate is the solution; with a line search the active set
-would change one node at a time. A limit of the motion splits prescribed displacements of many
-facets into as many iterations. By default steps are limited only where cells would invert.
-
-The report of a solve: one row for each Newton iteration, notes, and the outcome.
-"""
+"""Newton's method for any equations: options, loop, damped steps, and the report of a solve."""
 
 from __future__ import annotations
 
@@ -62,13 +53,13 @@ class Iteration:
 class NewtonReport(Markdown):
     """Record of one solve, complete on success and on failure; prints as a short Markdown table.
 
-    All methods are local.
+    One row for each Newton iteration, notes, and the outcome. All methods are local.
 
     Attributes:
         iterations: One row per iteration; row 0 is the state before the first linear system.
         notes: Messages on all deviations from full Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
-        model_check: Estimated errors of the model's assumptions, an ``ModelReport``, if requested.
+        model_check: Estimated errors of the model's assumptions, a ``ModelReport``, if requested.
         force: Reference force of the residuals, the largest norm of the nodal forces in the
             iteration; not the contact force, see ``PairView.total_force`` [stress length].
         allowed: Residual at which the last iteration converges [stress length].
@@ -89,7 +80,7 @@ class NewtonReport(Markdown):
 
     @property
     def num_iterations(self) -> int:
-        """Linear systems solved."""
+        """Number of linear systems solved."""
         return max(len(self.iterations) - 1, 0)
 
     @property
@@ -185,7 +176,7 @@ def merge_repeated(notes: Sequence[str]) -> list[str]:
 
 
 def then_solve(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
-    """The record followed by that of another solve; its error has the joint record, too."""
+    """The record followed by that of another solve; an error of the latter has both records."""
     try:
         return report.followed_by(solve())
     except NotConvergedError as error:
@@ -473,6 +464,13 @@ class Stateful(Equations, Protocol):
 
 class Damped:
     """Equations with damped steps; all methods are collective.
+
+    Newton steps are damped by a line search on the residual, or by a limit of the surface motion.
+    Both are off by default, see ``NewtonOptions``. A full step often raises the residual for one
+    iteration, when nodes come into contact, and the next iterate is the solution; with a line
+    search the active set would change one node at a time. A limit of the motion splits prescribed
+    displacements of many facets into as many iterations. By default steps are limited only where
+    cells would invert.
 
     Args:
         equations: The equations to solve.

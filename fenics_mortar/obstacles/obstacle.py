@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: MIT
 """Rigid obstacles: signed distances, their place, shape and the forces that drive them.
 
-**Derivatives of signed distances by parameters of the shape, from difference quotients.** Central
-quotients with steps h and h / 2 are extrapolated, (4 d(h / 2) - d(h)) / 3: the error is of the
-order of h^4 and of the rounding of distances over h.
-
 An obstacle is given by its signed distance phi, positive outside the solid, with gradient and
-Hessian H in the obstacle's frame. Obstacles in the plane have d = 2 coordinates, those in space
-d = 3: as many as the pivot. The rigid motion q and its velocities V are those of ``rigid_motion``,
+Hessian H in the obstacle's frame. An obstacle has as many coordinates as its pivot, d = 2 in the
+plane and d = 3 in space. The rigid motion q and its velocities V are those of ``rigid_motion``,
 with turns, angles times a length ``arm``, about axes e_i. The derivatives at a point x are
 
     d phi = grad phi . (dx - V dq),
     d grad phi = H (dx - V dq) + sum_i e_i x grad phi dq_i / arm.
 
-Circles and spheres, from outside or inside.
+Shapes are subclasses of ``Obstacle``: a user's ``SignedDistance``, ``Circle`` and ``Sphere``, from
+outside or inside, and those of ``shapes``. Derivatives by parameters of the shape are exact or
+difference quotients, see ``differentiate_shape``.
 """
 
 from __future__ import annotations
@@ -26,9 +24,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.obstacles.rigid_motion import RigidMotion, check_vector
+from fenics_mortar.obstacles.rigid_motion import RigidMotion
 from fenics_mortar.utils.arrays import EPSILON, Array, Flags
-from fenics_mortar.utils.errors import NotFiniteError, check_flag, check_number, format_point
+from fenics_mortar.utils.errors import (
+    NotFiniteError,
+    check_flag,
+    check_number,
+    check_vector,
+    format_point,
+)
 
 # Step of central differences of distances, over the size of the parameter or the length of a facet
 # [1]: on a spline of nine points the truncation error is 1e-11, the rounding over the step 1e-12.
@@ -39,6 +43,9 @@ def differentiate_shape(
     obstacle: Any, x: Array, name: str, direction: Array
 ) -> tuple[Array, Array]:
     """Derivatives of phi (n,) and of its gradient (n, d) along a direction (local).
+
+    Central quotients with steps h and h / 2 are extrapolated, (4 d(h / 2) - d(h)) / 3: the error is
+    of the order of h^4 and of the rounding of distances over h.
 
     Args:
         obstacle: The obstacle; it is not changed.
@@ -362,3 +369,10 @@ class Sphere(_Ball):
 
     _dim = 3
     _name = "sphere"
+
+
+def is_of_package(obstacle: Obstacle) -> bool:
+    """Whether the distance is one of the package's shapes, not a user's."""
+    package = SignedDistance.__module__.partition(".")[0]
+    kind = type(obstacle)
+    return kind is not SignedDistance and kind.__module__.partition(".")[0] == package

@@ -7,18 +7,10 @@ V = (e_x, e_y, ..., e_i x r / arm), r from the pivot, which moves along; e_i are
 in the plane and e_x, e_y, e_z in space. The place has translations and the angle, in space the
 rotation vector (axis times angle); turns add to angles in the plane only.
 
-Rotations of the plane by an angle and of space by a rotation vector, axis times angle.
-
-With the quaternion q = sin(t / 2) w / t, q_0 = cos(t / 2), t = |w|, and Q v = q x v, the rotation
-by w is R = 1 + 2 (q_0 Q + Q^2) / (q_0^2 + q^2), in the plane with w along e_z. The divisor is one
-but for rounding, which thus does not stretch; with Q^2 = q q^T - q^2, whose diagonal has one common
-rounding of q^2, R R^T is one to 1e-15 (matrix product: 1.3e-15).
-
-A place of a rigid body has the translation of the pivot and the angle, in space the rotation
-vector, see ``rigid_motion``. A motion q has translations and turns about fixed axes, the angles
-times a length ``arm``; in space its turns are a rotation vector, too: the place after it has the
-rotation exp(turn / arm) R. The vector of this rotation is the one next to that before, so that a
-body may turn any number of times.
+Motions are composed by ``place_after``, ``motion_between`` and other functions of places, rotations
+by ``rotation_by`` and ``vector_of``. ``RigidMotion`` is the motion of an obstacle or a boundary,
+with its loads; the other functions check and describe what users give of one. ``RIGID`` has the
+thresholds for rigid motions of bodies and obstacles.
 """
 
 from __future__ import annotations
@@ -26,13 +18,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, lines_cross, near_pairs
-from fenics_mortar.utils.errors import check_kind, check_number, format_point
+from fenics_mortar.utils.arrays import (
+    ASSEMBLY_ROUNDING,
+    ROUNDING,
+    TINY,
+    Array,
+    lines_cross,
+    near_pairs,
+)
+from fenics_mortar.utils.errors import (
+    check_finite,
+    check_floats,
+    check_kind,
+    check_vector,
+    format_point,
+)
 
 # Square of an angle [radian^2] below which the functions of ``inverse_factors`` are sums of their
 # series, with terms up to the rounding of the first one: B_2k / (2k)! of Bernoulli's numbers.
@@ -88,7 +94,13 @@ def rotation_by(turn: Array) -> Array:
 
 
 def rotation_less_one(turn: Array) -> Array:
-    """The rotation matrix minus one, without cancellation, (d, d) [1] (local)."""
+    """The rotation matrix minus one, without cancellation, (d, d) [1] (local).
+
+    With the quaternion q = sin(t / 2) w / t, q_0 = cos(t / 2), t = |w|, and Q v = q x v, the
+    rotation by w is R = 1 + 2 (q_0 Q + Q^2) / (q_0^2 + q^2), in the plane with w along e_z. The
+    divisor is one but for rounding, which thus does not stretch; with Q^2 = q q^T - q^2, whose
+    diagonal has one common rounding of q^2, R R^T is one to 1e-15 (matrix product: 1.3e-15).
+    """
     half = 0.5 * np.sqrt(turn @ turn) + TINY
     q, q_0 = np.sin(half) / (2.0 * half) * turn, np.cos(half)
     Q = np.tensordot(q, TURNS[2 if turn.size == 1 else 3], 1)
@@ -213,6 +225,10 @@ DIMENSIONS = {3: 2, 6: 3}
 def place_after(place: Array, motion: Array, arm: float) -> Array:
     """The place after a further motion, shape (m,) [length, radian] (local).
 
+    In space the turns of a motion are a rotation vector, too: the place after it has the rotation
+    exp(turn / arm) R. The vector of this rotation is the one next to that before, so that a body
+    may turn any number of times.
+
     Args:
         place: The place before, shape (m,) [length, radian].
         motion: The motion q, shape (m,) [length].
@@ -243,7 +259,7 @@ def by_further_motion(motion: Array, arm: float) -> Array:
 
 
 def places_towards(places: Array, others: Array, fraction: float) -> Array:
-    """Places of m bodies on the way to other ones, both (m, 3) or (m, 6) (local).
+    """Places of m bodies part of the way to others, both (m, 3) or (m, 6) (local).
 
     Args:
         places: The places at the fraction 0 [length, radian].
@@ -313,63 +329,6 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
             f"{format_point(end[i])} and from {format_point(start[j])} to {format_point(end[j])}; "
             "list the points in order along the curve"
         )
-
-
-def check_floats(name: str, values: Any) -> Array:
-    """Copy of an array of real numbers, of any shape [any unit] (local).
-
-    Raises:
-        ValueError: If the values are not real numbers.
-    """
-    array = np.asarray(values)
-    if array.dtype.kind not in "iuf":
-        raise ValueError(f"{name}={values!r}: expected real numbers")
-    return np.array(array, float)
-
-
-def check_finite(name: str, value: Any, expected: str = "a finite number") -> float:
-    """A finite number [any unit], which messages call ``expected`` (local).
-
-    Raises:
-        ValueError: For other values.
-    """
-    check_number(name, value, expected, np.isfinite)
-    return float(value)
-
-
-def check_vector(name: str, value: npt.ArrayLike, *dims: int) -> Array:
-    """Copy of a finite vector [any unit] (local).
-
-    Args:
-        name: Name of the option.
-        value: Its value.
-        dims: Allowed numbers of components; 2 by default.
-
-    Raises:
-        ValueError: For other values.
-    """
-    vector, sizes = check_floats(name, value), dims or (2,)
-    if vector.ndim != 1 or vector.size not in sizes or not np.isfinite(vector).all():
-        words = " or ".join({2: "two", 3: "three"}[size] for size in sizes)
-        raise ValueError(f"{name}={value!r}: expected {words} finite numbers")
-    return vector
-
-
-def check_direction(name: str, value: npt.ArrayLike, dim: int = 3) -> Array:
-    """The unit vector along a vector that is not zero, shape (dim,) [1] (local).
-
-    Args:
-        name: Name of the option.
-        value: Its value, of any length.
-        dim: Number of its components.
-
-    Raises:
-        ValueError: For other values.
-    """
-    vector = check_vector(name, value, dim)
-    if not np.linalg.norm(vector) > 0.0:
-        raise ValueError(f"{name} is zero; expected a direction")
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 # Names of the translations.
@@ -497,6 +456,11 @@ class RigidMotion:
         return self.place[self.dim :]
 
     @property
+    def present_pivot(self) -> Array:
+        """Present position of the pivot, shape (d,) [length]."""
+        return np.asarray(self.pivot + self.place[: self.dim])
+
+    @property
     def rotation(self) -> Array:
         """Present rotation matrix, shape (d, d) [1]."""
         return rotation_by(self.turn)
@@ -524,7 +488,7 @@ class RigidMotion:
 
     def motions(self, x: Array, arm: float) -> Array:
         """V at the points ``x`` (n, d) [length] for a length ``arm``, shape (n, m, d) [1]."""
-        return np.moveaxis(rigid_motions(x, self.pivot + self.place[: self.dim], arm), 0, 1)
+        return np.moveaxis(rigid_motions(x, self.present_pivot, arm), 0, 1)
 
 
 @contextmanager
@@ -572,3 +536,80 @@ def check_moments(moment: Any) -> Array:
             "None for the others, as on an axle; turns about two fixed axes would depend on the way"
         )
     return np.array(given)
+
+
+@dataclass(frozen=True)
+class RigidOptions:
+    """Thresholds for rigid motions, common to floating bodies and driven obstacles.
+
+    Attributes:
+        resisted: Contact resists a motion if it changes gaps, or the slip of sticking nodes, by
+            more than this fraction of its size [1].
+        weakest_spring: Smallest stiffness of a spring over the largest diagonal entry of K [1]:
+            enough for a regular matrix.
+        weakest_anchor: Smallest stiffness of an anchored spring that forces determine [1]: a weight
+            of a millionth of the stiffness moves a body. Smaller forces are rounding.
+        stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
+            residual [1].
+        negligible: Resultants below this fraction of the forces are within the error of the
+            discretization [1]: 0.5 %. Springs may carry them. Obstacles, whose normals are exact,
+            are subject to such an error of the slave's facets.
+        slight: Resultants below this fraction of the forces are small compared with the error of
+            contact forces along averaged normals, and with ``negligible`` [1]. Springs may not
+            carry more on a body that slides at its friction limit, since they alone would stop it;
+            on others a larger force has a remark.
+        normals_err: Error of contact forces along averaged normals of two meshes [1].
+        overlap: Overlap of nodes over their length at the end of motions before a solve [1], so
+            that the nodes are active. Bodies that move by less are considered at rest, also with
+            springs.
+        largest_move: Largest motion in one move over the size of the body [1]: gaps are linear in
+            smaller motions.
+        max_moves: Largest number of moves before a solve.
+        max_creeping: Number of successive moves, all shorter than ``overlap``, after which the
+            bodies are considered stopped. A remaining creep, such as that of a disk in a ring, is
+            left to Newton's method.
+        followed: Relative singular-value cutoff of the least-squares fit to nodes that stick [1]:
+            combinations of motions with small slip, such as rolling, are left to the solve.
+        elongation: Elongation of anchored springs per solve [shortest facets].
+        recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
+            shrinks by the cube of this factor.
+        max_solves: Largest number of solves with springs.
+        max_readmissions: Number of times that an idle body is squeezed in a solve after which it
+            takes part in contact to the end: Newton's method overestimates forces once or twice.
+        narrowest: Slope of a wedge [1] below which it is squeezed between its neighbours, not out
+            of the way: the smallest friction of dry contact. With more friction, its coefficient.
+        one_sided: Force of springs over the contact force on an idle body [1] above which contact
+            presses it against the springs alone: 1 if it touches one plane, sin(a) between two that
+            include the angle 2 a.
+        max_failures: Number of failures in a row after which the solve fails: the elongation is
+            below 1e-4 facets then.
+        repeats: Number of solves with springs that remain: contact forces then are as large as
+            possible.
+        sliver: Length over the shortest facet that is considered zero [1]: the advance of an
+            obstacle in a move, or the overlap of surfaces that slip off each other.
+    """
+
+    resisted: float = 1e-3
+    weakest_spring: float = 1e-6
+    weakest_anchor: float = 1e-9
+    stiffness_rounding: float = ASSEMBLY_ROUNDING
+    negligible: float = 0.005
+    slight: float = 1e-5
+    normals_err: float = 0.05
+    overlap: float = 0.01
+    largest_move: float = 0.2
+    max_moves: int = 200
+    max_creeping: int = 10
+    followed: float = 0.5
+    elongation: float = 0.25
+    recovery: float = 2.0
+    max_solves: int = 24
+    max_readmissions: int = 3
+    narrowest: float = 0.1
+    one_sided: float = 0.5
+    max_failures: int = 5
+    repeats: int = 3
+    sliver: float = 1e-3
+
+
+RIGID = RigidOptions()

@@ -1,29 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Shapes of rigid obstacles: plane, spline, polygon with rounded corners.
+"""Shapes of rigid obstacles: plane, spline, rounded polygon; in space extruded and revolved ones.
 
-The pivot is the centre of rotations only: a shape does not depend on it.
-
-Derivatives of a cubic spline by its points, and of the distance from it.
-
-With chords h_i of the points P_i and second derivatives M_i at them, the curve between two points
-is, at the fraction s of the parameter, r = 1 - s,
-
-    c = r P_i + s P_{i+1} + h_i^2 / 6 [(r^3 - r) M_i + (s^3 - s) M_{i+1}],
-
-where M solves the equations of continuous slopes, a linear system of the h_i. All of it is
-differentiated at fixed s, by a complex step of the points. The distance phi of a point with the
-foot c changes by -n . dc, n the normal; this is constant along n, so that its gradient is along the
-tangent.
-
-Obstacles in space from shapes of the plane: extruded along or revolved about an axis.
-
-With the fields phi, phi_a, phi_ab of the shape in its coordinates, the extruded body has
-
-    grad phi = phi_a e_a,    H = phi_ab e_a e_b
-
-with the directions e_1, e_2 of the shape. The revolved one has the coordinates r, the distance from
-the axis, and h along it, e_1 = e_r, e_2 the axis, and in addition phi_r / r e_c e_c in H along the
-circumference. phi_r vanishes on the axis where the surface is smooth; phi_r / r is phi_rr there.
+The pivot is the centre of rotations only: a shape does not depend on it. Shapes of the plane become
+obstacles in space by ``Extruded``, along an axis, and ``Revolved``, about one; ``Cylinder``,
+``Cone`` and ``Torus`` are such shapes.
 """
 
 from __future__ import annotations
@@ -35,15 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.obstacle import Circle, Fields, Obstacle, distance_fields
-from fenics_mortar.obstacles.rigid_motion import (
-    check_chain,
-    check_direction,
-    check_simple,
-    check_vector,
-    edges_of,
-)
+from fenics_mortar.obstacles.rigid_motion import check_chain, check_simple, edges_of
 from fenics_mortar.utils.arrays import EPSILON, MAX_STEPS, ROUNDING, cross_in_plane
-from fenics_mortar.utils.errors import check_flag, check_kind, check_number, format_point
+from fenics_mortar.utils.errors import (
+    check_direction,
+    check_flag,
+    check_kind,
+    check_number,
+    check_vector,
+    format_point,
+)
 
 if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Indices
@@ -55,6 +36,14 @@ SPLINE_STEP = 1e-30
 
 def spline_at(points: Array, i: Indices, s: Array, *, closed: bool) -> Array:
     """Points of the spline through ``points``, and their derivatives by s, (2, n, 2) (local).
+
+    With chords h_i of the points P_i and second derivatives M_i at them, the curve between two
+    points is, at the fraction s of the parameter, r = 1 - s,
+
+        c = r P_i + s P_{i+1} + h_i^2 / 6 [(r^3 - r) M_i + (s^3 - s) M_{i+1}],
+
+    where M solves the equations of continuous slopes, a linear system of the h_i. All of it is
+    differentiated at fixed s, by a complex step of the points.
 
     Args:
         points: Points, real or complex, shape (k, 2) [length].
@@ -190,7 +179,11 @@ class Spline(Obstacle):
         return self._points + self._origin
 
     def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
-        """By differentiating the spline; see ``Obstacle.local_by_shapes``."""
+        """By differentiating the spline; see ``Obstacle.local_by_shapes``.
+
+        The distance phi of a point with the foot c changes by -n . dc, n the normal; this is
+        constant along n, so that its gradient is along the tangent.
+        """
         t = self._feet(x)
         phi, normal, curvature, speed = self._distance_from_foot(x, t)
         dc, dd = self._changes(t, directions)
@@ -226,8 +219,10 @@ class Spline(Obstacle):
         t = self._samples[
             np.argmin(self._squares - 2.0 * (x - self._origin) @ self._points.T, axis=1)
         ]
-        if not self._closed:
-            t = self._beyond_ends(x, t)
+        for end, sign in () if self._closed else ((0.0, -1.0), (self._end, 1.0)):
+            c, d = self._curve(end), self._curve(end, 1)
+            beyond = (x - c) @ d / (d @ d)  # of points beyond an end, to their feet on its line
+            t = np.where((t == end) & (sign * beyond > 0.0), end + beyond, t)
         longest = np.diff(self._samples).max()
         for _ in range(MAX_STEPS):
             c, d, dd = self._jet(t)
@@ -249,14 +244,6 @@ class Spline(Obstacle):
         phi = np.einsum("ia,ia->i", x - c, normal)
         curvature = cross_in_plane(d, dd) / speed**3
         return phi, normal, curvature, speed
-
-    def _beyond_ends(self, x: Array, t: Array) -> Array:
-        """Parameters ``t`` (n,), for points beyond an end those of their feet on its line."""
-        for end, sign in ((0.0, -1.0), (self._end, 1.0)):
-            c, d = self._curve(end), self._curve(end, 1)
-            beyond = (x - c) @ d / (d @ d)
-            t = np.where((t == end) & (sign * beyond > 0.0), end + beyond, t)
-        return t
 
     def _jet(self, t: Array) -> Fields:
         """Point and two derivatives; an open curve is straight beyond its ends."""
@@ -310,9 +297,14 @@ class Polygon(Obstacle):
         back = int(np.argmin(half))
         if half[back] <= EPSILON:
             raise ValueError(f"two edges of the polygon overlap at {format_point(corners[back])}")
-        inner = corners - rounding * (normals + before) / half[:, None]
+        inwards = (normals + before) / half[:, None]
+        inner = corners - rounding * inwards
         if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
-            raise ValueError(f"rounding={rounding}: too large for the edges of the polygon")
+            shorter = (edges_of(inwards) * edges).sum(axis=1) / lengths[:, 0] ** 2
+            raise ValueError(
+                f"rounding={rounding}: expected less than {1.0 / shorter.max():g}, which leaves "
+                "nothing of an edge of the polygon"
+            )
         check_simple(f"polygon reduced by rounding={rounding:g}", inner, closed=True)
         self._corners, self._normals, self._radius = inner, normals, float(rounding)
 
@@ -404,7 +396,13 @@ class Extruded(Obstacle):
         self._directions = directions_across(axis, first)
 
     def local(self, x: Array) -> Fields:
-        """Fields of the shape; see ``Obstacle.local``."""
+        """Fields of the shape; see ``Obstacle.local``.
+
+        With the fields phi, phi_a, phi_ab of the shape in its coordinates and the directions e_1,
+        e_2 of these, the extruded body has
+
+            grad phi = phi_a e_a,    H = phi_ab e_a e_b.
+        """
         e = self._directions
         phi, gradient, hessian = self._shape.evaluate((x - self._origin) @ e.T)
         return phi, gradient @ e, e.T @ hessian @ e
@@ -462,6 +460,11 @@ class Revolved(Obstacle):
 
     def local(self, x: Array) -> Fields:
         """Fields of the shape; see ``Obstacle.local``.
+
+        They are those of ``Extruded`` with the coordinates r, the distance from the axis, and h
+        along it, e_1 = e_r, e_2 the axis, and in addition phi_r / r e_c e_c in H along the
+        circumference. phi_r vanishes on the axis where the surface is smooth; phi_r / r is phi_rr
+        there.
 
         On the axis the gradient is along it, unless it is across, as at the centre of a torus.
         """

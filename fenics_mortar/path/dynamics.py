@@ -4,12 +4,13 @@
 All schemes are the generalized-alpha method with contact at the end of the step. With
 "generalized_alpha" all nodes have mass: an impact stops the mass of the nodes in contact within one
 step, so that pressures oscillate, and energy increases with the trapezoidal rule (rho_inf = 1).
+Intact bonds, as of ``laws.MixedCohesive``, pull these nodes back to the next impact: energy grows
+8 to 600 times in an example, and smaller steps do not help. The force of the bond has no part in
+it: with a spring in place of the impact the error is of second order in the step, 8e-4.
 With "massless" slave nodes have no mass, see ``bulk.inertia``: pressures are continuous in time,
 impacts are resolved by waves in the bodies, and errors of the energy are of second order. With
-"conserving" these errors, of contact and of nonlinear stresses, are corrected, too, and those of
+"conserving" these errors, of contact and of nonlinear stresses, are corrected, as are those of
 the angular momentum; see ``path.time_steps``. Measurements are in ``demos/studies/dynamics``.
-
-Checks of the arguments of ``Dynamics`` and of the velocity that users set.
 """
 
 from __future__ import annotations
@@ -229,7 +230,7 @@ class Dynamics:
             time=rates.time + dt,
         )
         after = forces_of(problem)
-        work = work_of(problem, before, problem.state(), forces, after)
+        work = work_of(problem, before, problem.state(), forces, after, in_time=True)
         if self._corrections is not None:
             self._corrections.correct(work, dt, before.u, (forces, after))
         inertia.set_rates(inertia.rates, u)

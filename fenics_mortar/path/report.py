@@ -1,21 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Records of load paths and of motions.
+"""Records of load paths and of motions, with the work and the energies of each step.
 
-Progress of a path: records of the logger ``fenics_mortar``, and a remark on idle loads.
-
-Rank 0 logs each accepted step and each cut with level INFO, and the table of each solve with level
-DEBUG. Nothing is shown unless the program sets up logging::
-
-    logging.basicConfig()
-    logging.getLogger("fenics_mortar").setLevel(logging.INFO)
-
-Energy in a step: work of all forces, and remarks on what errors of time steps change.
+A ``PathReport`` consists of accepted steps, each a ``PathStep``, a ``DynamicsReport`` of time
+steps, each a ``TimeStep``. ``Work`` is that of all forces in a step, and ``EnergyErrors`` remark on
+what errors of time steps change. ``log_solve`` logs the progress of a path, ``remarks_on_idle``
+remarks on loads that do not change.
 """
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mpi4py import MPI
@@ -31,11 +28,12 @@ from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.law import Row
     from fenics_mortar.equations.general import State
     from fenics_mortar.newton.loop import NewtonReport
     from fenics_mortar.problem import ContactProblem
 
-Forces = tuple[Array, Array, Array, Array, Array, Array]
+Forces = tuple[Array, Array, Array, Array, Array, list[Array]]
 
 
 class Work(NamedTuple):
@@ -103,7 +101,7 @@ def forces_of(problem: ContactProblem) -> Forces:
     residual, motions = equations.residual, equations.motions
     on_obstacles = motions.obstacle_forces("shear")
     on_obstacles = on_obstacles * motions.scales[: len(on_obstacles)]
-    layers = np.concatenate([np.empty((4, 0)), *map(_layers, equations.contacts)], axis=1)
+    layers = [_layers(contact) for contact in equations.contacts]
     return *problem.forces(), residual.contact_force("shear"), on_obstacles, layers
 
 
@@ -120,16 +118,58 @@ def _layers(contact: Any) -> Array:
     return np.array([w * f.z_n, w * f.pull.residual, closing, f.mean_gap - closing])
 
 
-def _work_of_layers(before: Array, after: Array) -> float:
-    """Work that the normal forces of laws take between two results of ``_layers``."""
-    pressure, pull = 0.5 * (before[:2] + after[:2])
-    opening, thickening = after[2:] - before[2:]
+def _work_of_layers(contact: Any, before: Array, after: Array, *, in_time: bool) -> float:
+    """Work that the normal forces of a law take between two results of ``_layers``.
+
+    In time steps by Lobatto's rule for adhesion, and for the pressure of a soft layer by its
+    thickness: ``Corrections`` returns what the mean forces have done in excess.
+    """
+    if not before.size:
+        return 0.0
+    (pressure, pull), f, law = 0.5 * (before[:2] + after[:2]), contact.now, contact.pair.law
+    (opening, thickening), calls, node = after[2:] - before[2:], contact.law_calls, f.nodal
+
+    def row(method: str, fraction: float, gap: Array) -> Row:
+        gap, slip = np.where(f.covered, gap, 0.0), fraction * node.slip
+        return calls.row(method, replace(node, gap=gap, slip=slip), f.covered)
+
+    def adhesion(fraction: float) -> Array:
+        gap = np.maximum(before[2] + fraction * opening, 0.0)
+        return f.operators.weight * row("adhesion_at", fraction, gap).residual
+
+    def of_layer(fraction: float) -> Array:
+        found = row("closing_gap", fraction, before[3] + fraction * thickening)
+        slope = np.where(found.by_z_n == 0.0, np.inf, found.by_z_n)  # without a pressure of its own
+        return f.operators.weight * (node.z_n - found.residual / slope)
+
+    if in_time and law.has_adhesion:
+        pull = pull - excess_of_trapezoids(adhesion)
+    if in_time and law.has_closing_gap and not law.memory:  # wear depends on the slip
+        pressure = pressure - excess_of_trapezoids(of_layer)
     return float(np.nansum(pull * opening - pressure * thickening))
 
 
+# Distance of the inner points of Lobatto's rule from the middle of a step [steps].
+LOBATTO = 0.5 / 5.0**0.5
+
+
+def excess_of_trapezoids(force: Callable[[float], Array]) -> Array:
+    """Mean of a force in a step by the trapezoidal rule, minus that by Lobatto's with four points.
+
+    Args:
+        force: Function of the fraction of the step, shape (n,) [any unit].
+
+    Returns:
+        Shape (n,) [unit of the force].
+    """
+    inner = force(0.5 - LOBATTO) + force(0.5 + LOBATTO)
+    return 5.0 / 12.0 * (force(0.0) - inner + force(1.0))
+
+
 def work_of(
-    problem: ContactProblem, start: State, end: State, before: Forces, after: Forces
-) -> Work:
+    problem: ContactProblem, start: State, end: State, before: Forces, after: Forces,
+    *, in_time: bool = False,
+) -> Work:  # fmt: skip
     """Work of the mean forces in a step; obstacles are treated as supports (collective).
 
     Args:
@@ -138,6 +178,7 @@ def work_of(
         end: State at the end of the step.
         before: Forces at the start of the step, see ``forces_of``.
         after: Forces at the end of the step.
+        in_time: Whether it is a time step, in which the error of the mean forces of layers counts.
     """
     means = (0.5 * (a + b) for a, b in zip(before[:-1], after[:-1], strict=True))
     r, contact, on_obstacles, shear, shear_on_obstacles = means
@@ -153,7 +194,8 @@ def work_of(
     work[3] += (shear_on_obstacles * moved).sum()
     work[4] += np.abs(on_obstacles * moved).sum()
     work[5] = sum(pair.now.friction_work for pair in equations.contacts)
-    work[6] = _work_of_layers(before[-1], after[-1])
+    layers = partial(_work_of_layers, in_time=in_time)
+    work[6] = sum(map(layers, equations.contacts, before[-1], after[-1]))
     return Work(*map(float, work))
 
 
@@ -478,7 +520,15 @@ LOGGER.addHandler(logging.NullHandler())
 
 
 def log_solve(comm: MPI.Comm, line: str, report: NewtonReport) -> None:
-    """Log the end of a step, accepted or not, and its solve, on rank 0 (local)."""
+    """Log the end of a step, accepted or not, and its solve, on rank 0 (local).
+
+    Records are those of the logger ``fenics_mortar``: each accepted step and each cut with level
+    INFO, and the table of each solve with level DEBUG. Nothing is shown unless the program sets up
+    logging::
+
+        logging.basicConfig()
+        logging.getLogger("fenics_mortar").setLevel(logging.INFO)
+    """
     if comm.rank == 0:
         LOGGER.info("%s", line)
         LOGGER.debug("%s", report)

@@ -1,22 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Adaptive load steps: failed steps are reverted and reduced, steps with few iterations grow.
+"""Load steps of a path: adaptive sizes, rotations within a step, reasons for the end of the path.
 
-Rotations of bodies within a step, from prescribed values at times between its ends.
-
-The ends of a step tell the rotation of a body up to full turns: a shaft turned by 300 degrees looks
-like one turned back by 60. Where loads are a function of the time, it is evaluated at times within
-the step as well. The rotations of prescribed boundaries between these, each of less than half a
-turn, are added up. The sizes of rotations are added, so that a turn to and fro is found as well.
-
-Reasons for the end or a turning point of a path of equilibria, from its last state.
-
-Two reasons for an end are certain. First, surfaces that slip off each other's edges lose their last
-common length while a force still acts on it. Second, with large friction the equations of a small
-step may have no solution (Klarbring 1990): near a state in which some nodes slide and no other node
-is about to change, each of these nodes can only stick or continue to slide, so that the number of
-possible linear problems is finite. If the solution of each violates its assumption, no nearby state
-satisfies the law. In both cases a body would accelerate, and the next state of rest depends on
-inertia.
+``follow_path`` takes adaptive load steps: failed steps are reverted and reduced, steps with few
+iterations grow. ``loads_of_step`` evaluates the loads at times within a step, and
+``reason_for_end`` and ``describe_turning_point`` examine the last state of a path.
 """
 
 from __future__ import annotations
@@ -41,6 +28,7 @@ from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.path.report import (
     PathReport,
     PathStep,
@@ -51,7 +39,6 @@ from fenics_mortar.path.report import (
     work_of,
 )
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import EPSILON, HALF_FACET, ROUNDING, Array, Indices, norms
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -98,6 +85,14 @@ def _restored(find: Callable[[ContactProblem], str]) -> Callable[[ContactProblem
 @_restored
 def reason_for_end(problem: ContactProblem) -> str:
     """Reason why there is no equilibrium next to a state; "" if uncertain (collective).
+
+    Two reasons are certain. First, surfaces that slip off each other's edges lose their last common
+    length while a force still acts on it. Second, with large friction the equations of a small step
+    may have no solution (Klarbring 1990): near a state in which some nodes slide and no other node
+    is about to change, each of these nodes can only stick or continue to slide, so that the number
+    of possible linear problems is finite. If the solution of each violates its assumption, no
+    nearby state satisfies the law. In both cases a body would accelerate, and the next state of
+    rest depends on inertia.
 
     Args:
         problem: At the last equilibrium, with slightly advanced loads; its state is restored.
@@ -274,6 +269,12 @@ def loads_of_step(
     problem: ContactProblem, set_loads: Callable[[float], None], start: float, stop: float
 ) -> Iterator[None]:
     """Context of a step with the loads of its end; refuses steps in which bodies turn far.
+
+    The ends of a step determine the rotation of a body up to full turns: a shaft turned by 300
+    degrees looks like one turned back by 60. Where loads are a function of the time, it is
+    evaluated at times within the step as well. The rotations of prescribed boundaries between
+    these, each of less than half a turn, are added up. The sizes of rotations are added, so that a
+    turn to and fro is found as well.
 
     Collective.
 

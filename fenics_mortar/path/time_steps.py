@@ -1,69 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Time steps: the scheme, accelerations at the start, corrections of the velocity after a step.
-
-**Generalized-alpha method with all forces at the end of the step (Chung & Hulbert 1993).** In the
-form of Arnold & Bruels (2007), w is the acceleration that balances all forces at the same time,
-
-    M w_(n+1) + f_int(u_(n+1)) - f_ext + B^T z_(n+1) = 0,
-
-and a an average of it,
-
-    (1 - am) a_(n+1) + am a_n = (1 - af) w_(n+1) + af w_n.
-
-With Newmark's formulas for u and v from a, this is the generalized-alpha method whose internal,
-external and contact forces are (1 - af) f_(n+1) + af f_n. Multipliers are those of the end of the
-step, in balance with gaps, loads and prescribed values of the same time.
-
-Accelerations at the start of a motion, also of rigid boundaries that forces drive.
-
-With V_m the motions of a boundary's nodes k, and the angular velocity w of these,
-
-    u''_k = sum_m a_m V_m,k - w^2 (x_k - x_P),    V_m . (M u'' + f) = push_m,
-
-where free nodes follow from M u'' + f = 0: a solve with M for each driven motion. The forces of
-sections act on both faces.
-
-**Angular momentum lost by bodies in a time step, and its return by rigid rotations.** Closed mortar
-gaps are zero on average, not at each point, and normals of nodes are not those of facets: pressures
-of slave and master have a moment of third order in the length of the facets. The trapezoidal rule
-conserves the angular momentum in the middle of equal steps, not that of present positions and
-velocities. After each step the velocity of a rigid rotation about the centre of mass is added to
-each body, so that
-
-    L_(n+1) - L_n = dt / 2 (T_n + T_(n+1))
-
-with the moments T of loads, internal forces and obstacles, without those exerted by other bodies.
-Bodies in contact rotate together. Bodies with prescribed dofs are not corrected, since their
-supports exert moments. Linear momentum is already balanced, and is not changed by rotations: those
-about the centre of mass of a group are its rigid motions, of shifts and rotations about the middle
-of all nodes, whose linear momentum is zero.
-
-**Energy lost by errors of a time step, and its return by means of the impulses that cause them.**
-Two errors of the trapezoidal rule change the energy. The work of the pressures is
-
-    (f_n + f_(n+1)) . (u_(n+1) - u_n) / 2 = (z_n g_(n+1) - z_(n+1) g_n) / 2
-
-in a step in which a node closes or opens. It should vanish; it is of second order, with the same
-sign for most nodes of an impact. The work of nonlinear internal forces should be the difference of
-the strain energies, the integral of r(u) . du from u_n to u_(n+1). Lobatto's rule with four points
-on the straight line, exact for stresses up to fifth order in the displacement, differs from the
-trapezoidal one by d . (u_(n+1) - u_n) with
-
-    d = 5 (r(u_n) - r(u_a) - r(u_b) + r(u_(n+1))) / 12
-
-and the states u_a and u_b at the fractions (1 - 1/sqrt(5)) / 2 and (1 + 1/sqrt(5)) / 2 of the line.
-
-The sum of both over all steps, and of rotations is the ``energy_deficit``. So
-is, without damping, the work of forces on nodes without mass that are not in balance at the start.
-After each step it is returned as far as possible: a fraction t of an impulse J is added to the
-momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2 and leaves the sum
-of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act with their mean
-along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of t between
-0 and 2 are at most as large as its own. The second is that of the pressures, if a pair is closed,
-with |t| <= 1. The third changes the amplitude of vibrations, the last one also the rigid motion
-that pressures change: it returns what the last pressures of an impact cannot. Other rigid motions
-are left out. (Laursen & Love 2002 correct velocities in a similar way for each node.)
-"""
+"""Time steps: the scheme, accelerations at the start, corrections of the velocity after a step."""
 
 from __future__ import annotations
 
@@ -77,6 +13,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import join_bodies, label_bodies
 from fenics_mortar.obstacles.rigid_motion import moments_of, turned
+from fenics_mortar.path.report import excess_of_trapezoids
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
 
@@ -115,10 +52,24 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class GeneralizedAlpha:
-    """The method for a spectral radius rho at infinite frequency, between 0 and 1.
+    """The generalized-alpha method with all forces at the end of the step (Chung & Hulbert 1993).
 
-    rho = 1 is the trapezoidal rule, which conserves the energy of linear bodies; with rho = 0
-    unresolved frequencies are damped within one step.
+    In the form of Arnold & Bruels (2007), w is the acceleration that balances all forces at the
+    same time,
+
+        M w_(n+1) + f_int(u_(n+1)) - f_ext + B^T z_(n+1) = 0,
+
+    and a an average of it,
+
+        (1 - am) a_(n+1) + am a_n = (1 - af) w_(n+1) + af w_n.
+
+    With Newmark's formulas for u and v from a, this is the generalized-alpha method whose internal,
+    external and contact forces are (1 - af) f_(n+1) + af f_n. Multipliers are those of the end of
+    the step, in balance with gaps, loads and prescribed values of the same time.
+
+    ``rho`` is the spectral radius at infinite frequency, between 0 and 1. rho = 1 is the
+    trapezoidal rule, which conserves the energy of linear bodies; with rho = 0 unresolved
+    frequencies are damped within one step.
     """
 
     rho: float
@@ -168,10 +119,16 @@ class GeneralizedAlpha:
 def first_acceleration(problem: ContactProblem, inertia: Inertia) -> Array:
     """Accelerations that balance the forces, (local dofs,) [length / time^2] (collective).
 
-    Those of nodes with prescribed motions are zero.
+    At the start of a motion, also of rigid boundaries that forces drive. With V_m the motions of a
+    boundary's nodes k, and the angular velocity w of these,
+
+        u''_k = sum_m a_m V_m,k - w^2 (x_k - x_P),    V_m . (M u'' + f) = push_m,
+
+    where free nodes follow from M u'' + f = 0: a solve with M for each driven motion. The forces of
+    sections act on both faces. Accelerations of nodes with prescribed motions are zero.
 
     Args:
-        problem: The problem, with rates of which the acceleration is zero.
+        problem: The problem, with rates whose acceleration is zero.
         inertia: Mass and velocity.
     """
     bulk, comm = problem.equations.bulk, problem.equations.comm
@@ -207,8 +164,6 @@ def _followed(inertia: Inertia, bulk: Any, on_boundary: Array) -> Array:
 # Impacts in steps of a wave's time through a cell rarely need 0.1, longer steps need 0.3. The limit
 # is for bodies without vibrations, whose rounding must not grow.
 MAX_SCALING = 0.3
-# Distance of the inner points of Lobatto's rule from the middle of a step [steps].
-LOBATTO = 0.5 / math.sqrt(5.0)
 
 
 class Balance(NamedTuple):
@@ -230,6 +185,49 @@ class Balance(NamedTuple):
 
 class Corrections:
     """Return of angular momentum and energy after a time step; all methods are collective.
+
+    **Angular momentum lost by bodies in a time step, and its return by rigid rotations.** Closed
+    mortar gaps are zero on average, not at each point, and normals of nodes are not those of
+    facets: pressures of slave and master have a moment of third order in the length of the facets.
+    The trapezoidal rule conserves the angular momentum in the middle of equal steps, not that of
+    present positions and velocities. After each step the velocity of a rigid rotation about the
+    centre of mass is added to each body, so that
+
+        L_(n+1) - L_n = dt / 2 (T_n + T_(n+1))
+
+    with the moments T of loads, internal forces and obstacles, without those exerted by other
+    bodies. Bodies in contact rotate together. Bodies with prescribed dofs are not corrected, since
+    their supports exert moments. Linear momentum is already balanced, and is not changed by
+    rotations: those about the centre of mass of a group are its rigid motions, of shifts and
+    rotations about the middle of all nodes, whose linear momentum is zero.
+
+    **Energy lost by errors of a time step, and its return by means of the impulses that cause
+    them.** Two errors of the trapezoidal rule change the energy. The work of the pressures is
+
+        (f_n + f_(n+1)) . (u_(n+1) - u_n) / 2 = (z_n g_(n+1) - z_(n+1) g_n) / 2
+
+    in a step in which a node closes or opens. It should vanish; it is of second order, with the
+    same sign for most nodes of an impact. The work of nonlinear internal forces should be the
+    difference of the strain energies, the integral of r(u) . du from u_n to u_(n+1). Lobatto's rule
+    with four points on the straight line, exact for stresses up to fifth order in the displacement,
+    differs from the trapezoidal one by d . (u_(n+1) - u_n) with
+
+        d = 5 (r(u_n) - r(u_a) - r(u_b) + r(u_(n+1))) / 12
+
+    and the states u_a and u_b at the fractions (1 - 1/sqrt(5)) / 2 and (1 + 1/sqrt(5)) / 2 of the
+    line.
+
+    The sum of both over all steps, and of that of rotations, is the ``energy_deficit``. So is,
+    without damping, the work of forces on nodes without mass that are not in balance at the start.
+    After each step it is returned as far as possible: a fraction t of an impulse J is added to the
+    momentum of the bodies, which changes the energy by t v . J + t^2 J . M^-1 J / 2 and leaves the
+    sum of momenta unchanged. The first impulse is dt d: with t = 1 internal forces act with their
+    mean along the step (Quispel & McLaren 2008), with t = 0 by the trapezoidal rule, and errors of
+    t between 0 and 2 are at most as large as its own. The second is that of the pressures, if a
+    pair is closed, with |t| <= 1. The third changes the amplitude of vibrations, the last one also
+    the rigid motion that pressures change: it returns what the last pressures of an impact cannot.
+    Other rigid motions are left out. (Laursen & Love 2002 correct velocities in a similar way for
+    each node.)
 
     Args:
         problem: The problem.
@@ -345,15 +343,15 @@ class Corrections:
         bulk, rate = self._bulk, self._inertia.rate
         u, end = bulk.values, bulk.values.copy()
         kept, mean = bulk.r.array_r.copy(), (end - start) / dt
-        d = np.zeros(bulk.num_owned)
-        points = (1.0, 0.0), (-1.0, 0.5 - LOBATTO), (-1.0, 0.5 + LOBATTO), (1.0, 1.0)
-        for weight, fraction in points:
-            place = (1.0 - fraction) * start + fraction * end
-            u[:] = place
+
+        def forces(fraction: float) -> Array:
+            u[:] = place = (1.0 - fraction) * start + fraction * end
             if rate is not None:
                 rate.set(1.0, place - mean)
             bulk.assemble_residual()
-            d += 5.0 / 12.0 * weight * bulk.r.array_r[: bulk.num_owned]
+            return np.array(bulk.r.array_r[: bulk.num_owned])
+
+        d = excess_of_trapezoids(forces)
         u[:] = end
         bulk.r.array[:] = kept
         return d

@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Floating bodies of a problem, their rigid motions and the forces along them.
 
-Bodies with remote loads: those that these support, and motions that pushes leave free.
-
-A body may float along the driven motions of its rigid boundaries; sides of a section whose force is
-given may float along its axis. The places of boundaries and sections follow the motion of the body.
-
-Response of contacts to rigid motions of bodies: gaps, slips, loose motions (collective).
+``BodyMotions`` finds the bodies, each a ``BoundBody``. Functions yield the response of contacts to
+their motions: rates of gaps and slips, and the motions that bonds leave to them (collective).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -23,6 +19,7 @@ import numpy as np
 from fenics_mortar.bulk.bodies import (
     FloatingBody,
     PartMotion,
+    RemoteLoad,
     centre_and_size,
     find_floating_bodies,
     join_bodies,
@@ -32,16 +29,10 @@ from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.law import KINK
-from fenics_mortar.contact.rows import (
-    adhesion_at_gap,
-    gap_rate,
-    opening_rate,
-    slip_rate,
-    strength,
-)
-from fenics_mortar.obstacles.rigid_motion import TURNS, RigidMotion, rotation_less_one
+from fenics_mortar.contact.rows import adhesion_at_gap, gap_rate, opening_rate, slip_rate, strength
+from fenics_mortar.obstacles.rigid_motion import RIGID, TURNS, RigidMotion, rotation_less_one
 from fenics_mortar.rigid.complementarity import nearly_touching
-from fenics_mortar.rigid.proximal import RIGID, unresisted
+from fenics_mortar.rigid.proximal import unresisted
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SOLVED, SUM_ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.errors import NotFiniteError, format_point
@@ -51,8 +42,6 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.mesh.data import MeshData
-    from fenics_mortar.rigid.driven import DrivenMotions
-    from fenics_mortar.rigid.spread import BoundRigidBoundary, BoundSection
 
 
 @dataclass(frozen=True)
@@ -132,33 +121,29 @@ class BoundBody(FloatingBody):
         except np.linalg.LinAlgError:
             raise NotFiniteError(f"{self.name} is far away from its place at the start") from None
 
-    def loose(self, *, sticking: bool = True) -> Array:
+    def loose(self, *, sticking: bool = True, rough: bool = False) -> Array:
         """Its motions that active contact does not resist, orthonormal (n, motions) [1].
 
         Args:
             sticking: Whether sticking nodes resist slip.
+            rough: Whether all active nodes count as sticking.
         """
         count, contacts = len(self.motions), self.contacts
         responses = [closing(contact, self)[:, contact.active] for contact in contacts]
         for contact in contacts if sticking else ():
-            if contact.sticking.any():
-                slips = slipping(contact, self)[:, contact.sticking]
-                responses.append(slips.reshape(count, -1))
+            sticks = contact.active if rough else contact.sticking
+            if sticks.any():
+                responses.append(slipping(contact, self)[:, sticks].reshape(count, -1))
         found = np.hstack([np.zeros((count, 0)), *responses])
         known = np.isfinite(found).all(axis=0)  # not at folded facets of a failed iteration
         return unresisted(found[:, known])
 
     # Remote loads
 
-    def _loads(self) -> list[tuple[Any, Array]]:
+    def _loads(self) -> list[tuple[RemoteLoad, Array]]:
         """Its remote loads, and their motions due to those of the body, (motions, 3) [1]."""
-        at_boundaries = self.among.boundaries_at(self.label)
-        found: list[tuple[Any, Array]] = [(load, load.motions_by(self)) for load in at_boundaries]
-        of_body = self.motions.shape[1] - len(self.sections)
-        for column, section in enumerate(self.sections, of_body):
-            rates = np.outer(self.motions[:, column], np.eye(of_body)[0])
-            found.append((section.load, rates))
-        return found
+        loads = [*self.among.boundaries_at(self.label), *((s.load, -1) for s in self.sections)]
+        return [(load, load.motions_by(self, part)) for load, part in loads]
 
     def restricted(self) -> BoundBody:
         """The body with the motions that its remote loads do not prescribe (local)."""
@@ -186,7 +171,8 @@ class BoundBody(FloatingBody):
         dofs = self.dofs
         step[dofs] -= (coefficients @ self.nodal_motions()).reshape(dofs.shape)
         for load, rates in self._loads() if motion.size else ():
-            motion[self.among.movers.index(load)] -= coefficients @ rates
+            remote = self.among.remote
+            motion[remote.index(load) - len(remote)] -= coefficients @ rates
 
     # Forces
 
@@ -255,15 +241,20 @@ def largest_multiplier(z: Iterable[Array]) -> float:
 class BodyMotions:
     """Bodies that Dirichlet conditions do not fix, and their motions; all methods are collective.
 
+    Remote loads support bodies, except for motions that pushes leave free: a body may float along
+    the driven motions of its rigid boundaries; sides of a section whose force is given may float
+    along its axis. The places of boundaries and sections follow the motion of the body.
+
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
-        motions: The motions of obstacles and remote loads.
+        boundaries: The rigid boundaries with their local nodes, shape (k,) each.
+        sections: The loads of the sections under pretension, by the ties of these.
 
     Attributes:
         bulk: The bodies.
         contacts: The contacts without ties.
-        movers: Obstacles and remote loads.
+        remote: Both of them, the remote loads with motions.
         prescribed_otherwise: Marks of the dofs with Dirichlet conditions other than those of rigid
             boundaries, (local dofs,).
         labels: Body of each local node, including ghosts, (local nodes,); bodies that are tied,
@@ -277,10 +268,11 @@ class BodyMotions:
     """
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], motions: DrivenMotions
-    ) -> None:
-        self.bulk, self.movers, self._boundaries = bulk, motions.movers, motions.boundaries
-        conditions = [bc for bc in bulk.bcs if bc not in self._boundaries]
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie],
+        boundaries: Sequence[tuple[RemoteLoad, Indices]], sections: Mapping[Tie, RemoteLoad],
+    ) -> None:  # fmt: skip
+        self.bulk, self.remote = bulk, [*(load for load, _ in boundaries), *sections.values()]
+        conditions = [bc for bc in bulk.bcs if bc not in self.remote]
         self.prescribed_otherwise: Flags = mark_prescribed(bulk.space, bulk.u, conditions)
         self.contacts = [contact for contact in contacts if isinstance(contact, Contact)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
@@ -288,21 +280,22 @@ class BodyMotions:
         self.parts, self.num_parts = label_bodies(bulk.V)
         ties = [tie for tie in contacts if not isinstance(tie, Contact)]
         tied = [(tie.M, self.parts_of(tie.slave), self.parts_of(tie.master)) for tie in ties]
-        at_boundaries = [load.parts_of(self.parts) for load in self._boundaries]
+        at_boundaries = [(load, self._parts_at(nodes)) for load, nodes in boundaries]
+        self._boundaries = [(load, int(parts[0])) for load, parts in at_boundaries]
         links = [pairs_joined(*each) for each in tied]
-        links += [np.stack([some[:-1], some[1:]], axis=1) for some in at_boundaries]
+        links += [np.stack([some[:-1], some[1:]], axis=1) for _, some in at_boundaries]
         self.body_of, self.num_bodies = join_bodies(self.num_parts, links)
         self.labels = self.body_of[self.parts]
-        self._sections = self._separating(motions.sections, ties, links)
+        self._sections = self._separating(sections, ties, links)
         self._periodic = [  # bodies, and the translations of periodic ties
             (int(self.labels_of(tie.slave)[0]), tie.pair.translation)
             for tie in ties
             if tie.pair.translation.any()
         ]
         self.leaders: dict[int, RigidMotion] = {
-            part: boundaries[0].motion
+            part: at[0][0].motion
             for part, label in enumerate(self.body_of.tolist())
-            if (boundaries := self.boundaries_at(label))
+            if (at := self.boundaries_at(label))
         }
         if self.leaders:
             for contact in self.contacts:
@@ -313,22 +306,27 @@ class BodyMotions:
         self.aside: set[int] = set()
 
     def _separating(
-        self, sections: Sequence[BoundSection], ties: Sequence[Tie], links: Sequence[Indices]
+        self, sections: Mapping[Tie, RemoteLoad], ties: Sequence[Tie], links: Sequence[Indices]
     ) -> dict[int, list[PartMotion]]:
         """Sections under pretension that separate bodies, by the labels of these."""
         found: dict[int, list[PartMotion]] = {}
-        for load in sections:
-            section = ties.index(load.tie)
+        for tie, load in sections.items():
+            section = ties.index(tie)
             side, _ = join_bodies(self.num_parts, [*links[:section], *links[section + 1 :]])
-            slave, master = (int(self.parts_of(s)[0]) for s in (load.tie.slave, load.tie.master))
+            slave, master = (int(self.parts_of(s)[0]) for s in (tie.slave, tie.master))
             if side[slave] != side[master]:
-                motion = PartMotion(load, side == side[slave])
+                motion = PartMotion(load, tie.pair.axis, side == side[slave])
                 found.setdefault(int(self.body_of[slave]), []).append(motion)
         return found
 
-    def boundaries_at(self, label: int) -> list[BoundRigidBoundary]:
-        """The rigid boundaries of a body (local)."""
-        return [load for load in self._boundaries if self.body_of[load.part] == label]
+    def _parts_at(self, nodes: Indices) -> Indices:
+        """Parts of the mesh at local nodes (k,) of all ranks, replicated, shape (n,)."""
+        found = self.bulk.comm.allgather(set(self.parts[nodes].tolist()))
+        return np.array(sorted(set().union(*found)))
+
+    def boundaries_at(self, label: int) -> list[tuple[RemoteLoad, int]]:
+        """The rigid boundaries of a body, and the lowest part of the mesh at each one (local)."""
+        return [(load, part) for load, part in self._boundaries if self.body_of[part] == label]
 
     def find(self) -> None:
         """Find floating bodies from the assembled ``K``; with inertia no body floats."""

@@ -1,59 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Linearized contact with Coulomb friction as a linear complementarity problem; Lemke's method.
+"""Linear problems with inequalities of contact: friction, limit analysis, moves without overlap.
 
-Gaps and slips y = (g_n, u) of the nodes are linear in the multipliers z = (z_n, z_tau),
-y = q + V z. With the shear split into nonnegative parts, z_tau = b+ - b-, and s = |u|:
-
-    z_n >= 0,   g_n >= 0,                            z_n g_n = 0
-    b+ >= 0,    s - u >= 0,                          b+ (s - u) = 0
-    b- >= 0,    s + u >= 0,                          b- (s + u) = 0
-    s >= 0,     mu z_n - b+ - b- >= 0,               s (mu z_n - b+ - b-) = 0
-
-(Stewart & Trinkle 1996). The matrix is copositive if the compliance is positive definite; Lemke's
-method (Cottle, Pang & Stone 1992, ch. 4.4) then terminates with a solution for any mu. The method
-follows the piecewise linear path of solutions of a problem relaxed by a scalar z_0 > 0. Unlike an
-active-set iteration that updates all nodes at once, it cannot cycle.
-
-Linearized contact with friction along a load path: a parametric complementarity problem.
-
-With friction the linearized problem may have several solutions. This module computes the one at the
-end of the path of solutions from the last accepted state, s = 0, to the present loads, s = 1:
-
-    w = (1 - s) q_0 + s q + M z >= 0,    z >= 0,    w . z = 0,
-
-with q_0 such that the accepted multipliers solve the problem at s = 0. The path is piecewise
-linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5). Lemke's method is the same
-path from q_0 = q + |q| d > 0 with z = 0, a covering vector d, and z_0 = (1 - s) |q|, on which
-s may also decrease.
-
-Where s would have to decrease, the path has a turning point: there is no solution nearby for larger
-loads, and the solution at s = 1 is reached by a jump. The start of a step is a corner of the path,
-because all slips are zero: a node at its friction limit may stick or continue to slide, and all
-gaps and pressures of two surfaces that just touch are zero. The directions of the path follow from
-a complementarity problem of the rates. If it has no solution, there is no equilibrium next to the
-accepted state (Klarbring 1990).
-
-The vector closest to another one that satisfies linear inequalities: a move without overlaps.
-
-Limit analysis by linear programming: whether contact can support rigid bodies.
-
-Loads with resultants w on the rigid motions v of all bodies are in equilibrium with contact forces
-that the law admits if and only if they do no work on any motion that these forces cannot resist
-(kinematic theorem, Charnes, Lemke & Zienkiewicz 1959). With the opening rate g_j and the slip rate
-u_j of each touching node, and admissible forces p_j >= -a_j, |s_j| <= s_j0 + mu_j (p_j + a_j),
-
-    maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
-
-If the maximum is positive, the bodies move. If it is zero, contact may support them; the condition
-is necessary but not sufficient, since Coulomb's law is not associated: gaps do not open by as much
-as g_j >= mu_j |u_j| requires. The solution of the contact problem then decides.
-
-In space u_j is a vector. With k directions e_i around the normal, the largest e_i . u_j is at most
-|u_j|, and at least cos(pi / k) |u_j|: shears in the polygon with the corners e_i are admissible,
-and all admissible ones are in the polygon around the circle, larger by 1 / cos(pi / k). Bodies that
-shears in the inner polygons can support are supported, those that shears in the outer ones cannot
-support move. If neither is the case, k is doubled; at last, with loads within 0.5 % of the limit
-load, contact may support them.
+``solve_friction`` solves linearized contact with Coulomb friction as a complementarity problem,
+``follow_loads`` does so along a load path. ``unresisted_motion`` decides by limit analysis whether
+contact can support rigid bodies, ``closest_move`` finds a move of these without overlaps.
 """
 
 from __future__ import annotations
@@ -67,15 +17,8 @@ from scipy.linalg.blas import dger
 from scipy.sparse import coo_array, csr_array, hstack
 
 from fenics_mortar.contact.rows import largest_adhesion, strength
-from fenics_mortar.rigid.proximal import RIGID
-from fenics_mortar.utils.arrays import (
-    MAX_STEPS,
-    SOLVED,
-    SUM_ROUNDING,
-    Array,
-    Flags,
-    Indices,
-)
+from fenics_mortar.obstacles.rigid_motion import RIGID
+from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING, Array, Flags, Indices
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
@@ -88,6 +31,16 @@ DIRECTIONS = (8, 16, 32)
 
 class FrictionProblem(NamedTuple):
     """Gaps and slips of n nodes as linear functions of scaled multipliers; all in units of length.
+
+    Gaps and slips y = (g_n, u) of the nodes are linear in the multipliers z = (z_n, z_tau),
+    y = q + V z. With the shear split into nonnegative parts, z_tau = b+ - b-, and s = |u|:
+
+        z_n >= 0,   g_n >= 0,                            z_n g_n = 0
+        b+ >= 0,    s - u >= 0,                          b+ (s - u) = 0
+        b- >= 0,    s + u >= 0,                          b- (s + u) = 0
+        s >= 0,     mu z_n - b+ - b- >= 0,               s (mu z_n - b+ - b-) = 0
+
+    (Stewart & Trinkle 1996).
 
     Attributes:
         V: Compliance, shape (2 n, 2 n), normal rows and columns first [1].
@@ -117,7 +70,13 @@ class Sets(NamedTuple):
 
 
 def solve_friction(problem: FrictionProblem) -> Sets | None:
-    """Solve the linearized problem; ``None`` if Lemke's method finds no solution (local)."""
+    """Solve the linearized problem; ``None`` if Lemke's method finds no solution (local).
+
+    The matrix of the complementarity problem is copositive if the compliance is positive definite;
+    Lemke's method (Cottle, Pang & Stone 1992, ch. 4.4) then terminates with a solution for any mu.
+    The method follows the piecewise linear path of solutions of a problem relaxed by a scalar
+    z_0 > 0. Unlike an active-set iteration that updates all nodes at once, it cannot cycle.
+    """
     M, q = as_complementarity(problem)
     basic = lemke(M, q)
     return None if basic is None else sets_of(problem, M, q, basic)
@@ -208,6 +167,23 @@ class TurningPoint(NamedTuple):
 def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | TurningPoint:
     """Solve the linearized problem along the path from the accepted state (local).
 
+    With friction the linearized problem may have several solutions. This one is at the end of the
+    path of solutions from the last accepted state, s = 0, to the present loads, s = 1:
+
+        w = (1 - s) q_0 + s q + M z >= 0,    z >= 0,    w . z = 0,
+
+    with q_0 such that the accepted multipliers solve the problem at s = 0. The path is piecewise
+    linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5). Lemke's method is the
+    same path from q_0 = q + |q| d > 0 with z = 0, a covering vector d, and z_0 = (1 - s) |q|, on
+    which s may also decrease.
+
+    Where s would have to decrease, the path has a turning point: there is no solution nearby for
+    larger loads, and the solution at s = 1 is reached by a jump. The start of a step is a corner of
+    the path, because all slips are zero: a node at its friction limit may stick or continue to
+    slide, and all gaps and pressures of two surfaces that just touch are zero. The directions of
+    the path follow from a complementarity problem of the rates. If it has no solution, there is no
+    equilibrium next to the accepted state (Klarbring 1990).
+
     Values at the start up to ``SOLVED`` times the largest change are considered zero and replaced
     by random numbers of that size, so that ties in the ratio test do not occur.
 
@@ -245,7 +221,7 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Tu
 
 
 def _unknowns(problem: FrictionProblem, start: Sets, gap: Array) -> tuple[Array, Array]:
-    """Z and w at the accepted state, (unknowns,) each."""
+    """The vectors z and w at the accepted state, (unknowns,) each."""
     rough = np.flatnonzero(problem.slope > 0.0)
     active, branch, z_n, z_tau = (values[rough] for values in start)
     sticks, none = active & (branch == 0), np.zeros(rough.size)
@@ -358,6 +334,25 @@ class Touching(NamedTuple):
 
 def unresisted_motion(loads: Array, touching: Touching) -> Array:
     """Rigid motion with the largest work of the loads that no contact force can resist (local).
+
+    Limit analysis by linear programming. Loads with resultants w on the rigid motions v of all
+    bodies are in equilibrium with contact forces that the law admits if and only if they do no work
+    on any motion that these forces cannot resist (kinematic theorem, Charnes, Lemke & Zienkiewicz
+    1959). With the opening rate g_j and the slip rate u_j of each touching node, and admissible
+    forces p_j >= -a_j, |s_j| <= s_j0 + mu_j (p_j + a_j),
+
+        maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
+
+    If the maximum is positive, the bodies move. If it is zero, contact may support them; the
+    condition is necessary but not sufficient, since Coulomb's law is not associated: gaps do not
+    open by as much as g_j >= mu_j |u_j| requires. The solution of the contact problem then decides.
+
+    In space u_j is a vector. With k directions e_i around the normal, the largest e_i . u_j is at
+    most |u_j|, and at least cos(pi / k) |u_j|: shears in the polygon with the corners e_i are
+    admissible, and all admissible ones are in the polygon around the circle, larger by
+    1 / cos(pi / k). Bodies that shears in the inner polygons can support are supported, those that
+    shears in the outer ones cannot support move. If neither is the case, k is doubled; at last,
+    with loads within 0.5 % of the limit load, contact may support them.
 
     Args:
         loads: Resultants of the loads along the motions, shape (m,) [force].

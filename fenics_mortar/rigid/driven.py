@@ -39,24 +39,10 @@ from scipy.linalg import block_diag
 from fenics_mortar.bulk.bodies import describe_motion
 from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.la.sparse import Border, solve_bordered
-from fenics_mortar.obstacles.rigid_motion import (
-    TURNS,
-    by_further_motion,
-    motion_between,
-)
-from fenics_mortar.rigid.complementarity import (
-    Touching,
-    closest_move,
-    touches,
-    unresisted_motion,
-)
-from fenics_mortar.rigid.proximal import RIGID, AnchoredSprings, unresisted
-from fenics_mortar.rigid.spread import (
-    BoundRigidBoundary,
-    BoundSection,
-    BoundSpreadLoad,
-    Mover,
-)
+from fenics_mortar.obstacles.rigid_motion import RIGID, TURNS, by_further_motion, motion_between
+from fenics_mortar.rigid.complementarity import Touching, closest_move, touches, unresisted_motion
+from fenics_mortar.rigid.proximal import AnchoredSprings, unresisted
+from fenics_mortar.rigid.spread import BoundRigidBoundary, BoundSection, BoundSpreadLoad, Mover
 from fenics_mortar.utils.arrays import ROUNDING, SUM_ROUNDING, Array, Flags
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.ranks import sum_over_ranks
@@ -162,9 +148,8 @@ class BoundObstacle(Mover):
 
     def describe(self, motion: Array, *, directed: bool = True) -> str:
         """Description of a motion (3,) [length]; see ``describe_motion``."""
-        centre = self.motion.pivot + self.motion.place[: self.motion.dim]
         one = motion / np.linalg.norm(motion)
-        return describe_motion(one, centre, self.arm, directed=directed)
+        return describe_motion(one, self.motion.present_pivot, self.arm, directed=directed)
 
     def at(self, contact: Contact) -> Flags:
         """Slave nodes of one of its contacts whose force acts on it, (slave nodes,)."""
@@ -190,7 +175,7 @@ class BoundObstacle(Mover):
         return motion
 
     def next_move(self, least: float) -> Array:
-        """Motion towards contact, (3,) [length]; zero if loaded or not driven, or not longer.
+        """Motion towards contact, (3,) [length]; zero if loaded, not driven, or negligible.
 
         The motion closest to the push for which no node overlaps by more than ``RIGID.overlap`` and
         the push does positive work. The potential of the push is linear; therefore no move is
@@ -282,14 +267,14 @@ class DrivenMotions:
     Attributes:
         obstacles: Obstacles of the contacts, without duplicates.
         boundaries, sections: The rigid boundaries, and the sections under pretension.
-        remote: Both of them, the remote loads with motions.
-        spread: Those that are spread over boundaries free to deform.
+        remote: Boundaries and sections: the remote loads with motions.
+        spread: Remote loads that are spread over boundaries free to deform.
         on_contacts: The obstacles with their contacts.
         movers: All with a place: the m obstacles and remote loads.
         exist: Whether there are movers or spread loads.
-        shortest_facet: Of all pairs with obstacles, 1 if there are none [length].
+        shortest_facet: Shortest facet of all pairs with obstacles, 1 if there are none [length].
         scales: Motions per (x, y, angle), shape (m, 3), in space (m, 6) [1, length].
-        springs: Anchored springs, set by these.
+        springs: Anchored springs, which set this attribute.
     """
 
     springs: AnchoredSprings
@@ -341,11 +326,11 @@ class DrivenMotions:
         for mover, motion in zip(self.movers, change, strict=True):
             mover.move(motion)
 
-    def of_obstacle(self, contact: Any, change: Array) -> Array:
-        """Those of ``change`` [length] that move a contact's obstacle, (3,), or (0,) (local)."""
-        if contact.obstacle is None or not change.size:
+    def of_obstacle(self, contact: Any, values: Any) -> Any:
+        """Row of ``values`` (m, ...) of a contact's obstacle, a view, or (0,) without (local)."""
+        if contact.obstacle is None or not values.size:
             return np.zeros(0)
-        return change[self.obstacles.index(contact.obstacle)]
+        return values[self.obstacles.index(contact.obstacle)]
 
     def largest(self) -> float:
         """Largest motion since the movers were created [length]."""

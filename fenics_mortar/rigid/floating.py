@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: MIT
 """Bodies without sufficient Dirichlet conditions, supported by contact alone.
 
-Before a solve, bodies that contact cannot support are moved until contact stops them.
-In Newton's method, tangent springs regularize loose motions, which active
-contact does not resist, see ``proximal``. If Newton's method fails, springs anchor the bodies, see
-``proximal``.
-
-Rigid moves of floating bodies before a solve, and a check after it; all collective.
-
-A body that is driven by its loads and not supported by active contact is moved rigidly until
-contact stops it. Each move is the closest one to the direction of the resultant for which no node
-overlaps by more than ``RIGID.overlap``: a quadratic program in the few rigid motions. Bodies that
-contact may support are determined by limit analysis, see ``complementarity``.
+Before a solve, ``settle`` moves bodies that contact cannot support until contact stops them, and
+after it ``check_settled`` checks them. In Newton's method, tangent springs of ``FloatingBodies``
+regularize loose motions, which active contact does not resist. If Newton's method fails, springs
+anchor the bodies. See ``proximal`` for both kinds of springs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
@@ -26,6 +20,7 @@ import numpy as np
 
 from fenics_mortar.contact.law import STICK, Friction
 from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.rigid.body_motions import (
     BodyMotions,
     BoundBody,
@@ -42,18 +37,16 @@ from fenics_mortar.rigid.complementarity import (
     touches,
     unresisted_motion,
 )
-from fenics_mortar.rigid.proximal import RIGID, AnchoredSprings, tangent_stiffness
+from fenics_mortar.rigid.proximal import AnchoredSprings, tangent_stiffness
 from fenics_mortar.utils.arrays import SOLVED, Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.rigid.driven import DrivenMotions
 
 # Coefficient of friction that holds every body that does not tip over or fall [1].
 ROUGH = 100.0
+TIPS = "tips over, which no friction can prevent"
 # Bodies to be moved, with the coefficients of their motions, (motions,) each [length].
 Moves = list[tuple[BoundBody, Array]]
 
@@ -80,7 +73,12 @@ def settle(
     evaluate: Callable[[], tuple[Array, Array]],
     give_way: Callable[[Moves], Moves],
 ) -> list[str]:
-    """Move the bodies that contact cannot support rigidly until it can.
+    """Move the bodies that contact cannot support rigidly until it can (collective).
+
+    A body that is driven by its loads and not supported by active contact is moved rigidly until
+    contact stops it. Each move is the closest one to the direction of the resultant for which no
+    node overlaps by more than ``RIGID.overlap``: a quadratic program in the few rigid motions.
+    Bodies that contact may support are determined by limit analysis, see ``complementarity``.
 
     Args:
         bodies: The floating bodies; their ``settling`` is set.
@@ -140,16 +138,16 @@ def _beginnings(
 ) -> dict[int, str]:
     """How bodies that touch others begin to tip over or to slide, in words, by their labels.
 
-    Without friction loads accelerate bodies in the nearest direction to the loads that no
-    contact stops. A body that leaves all nodes by it is pulled off. Others tip over if limit
-    analysis of the present state moves them at a coefficient of friction ``ROUGH``, or slide in
-    that direction, unless others carry them along.
+    Without friction, loads accelerate bodies in the direction nearest to the loads that no contact
+    stops. A body that leaves all nodes by it is pulled off. Others tip over if limit analysis of
+    the present state moves them at a coefficient of friction ``ROUGH``, or slide in that direction,
+    unless others carry them along.
 
     Args:
         bodies: The floating bodies.
-        labels: Of the bodies to tell of.
+        labels: Labels of the bodies to describe.
         bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
-        may_tip: Whether to tell of tipping. A body that falls rolls until it lies on a side.
+        may_tip: Whether tipping is described. A body that falls rolls until it lies on a side.
     """
     if not labels:
         return {}
@@ -163,7 +161,7 @@ def _beginnings(
     loads, nodes = _limit_analysis(bodies, bulk)
     found, _ = nearest_below(loads, -nodes.opening, np.zeros(len(nodes.opening)))
     free = loads if found is None else found
-    tips = unresisted_motion(loads, nodes._replace(slope=np.maximum(nodes.slope, ROUGH)))
+    tips = _tips(loads, nodes)
     of_bodies = bodies.bodies, by_body(bodies.bodies, tips), by_body(bodies.bodies, free)
     least, begins = RIGID.resisted * np.abs(free).max(), dict[int, str]()
     friction = "too little friction" if nodes.slope.any() or nodes.shear.any() else "no friction"
@@ -172,16 +170,30 @@ def _beginnings(
             continue  # pulled off
         motion, what = slide, f"slides, with {friction} to hold it"
         is_told = found is not None and np.abs(slide).max() > least  # not carried along by others
-        if np.abs(tip).max() > RIGID.resisted:
-            motion, what, is_told = tip, "tips over, which no friction can prevent", may_tip
+        if _moves(tip):
+            motion, what, is_told = tip, TIPS, may_tip
         if is_told:
-            how = body.describe(motion, directed=True, poles=True)
-            begins[body.label] = f"{body.name} {what}: it begins to {how}"
+            begins[body.label] = f"{body.name} {what}: {_begins(body, motion)}"
     return begins
 
 
+def _tips(loads: Array, nodes: Touching) -> Array:
+    """``unresisted_motion`` at a coefficient of friction ``ROUGH``, (motions,) (local)."""
+    return unresisted_motion(loads, nodes._replace(slope=np.maximum(nodes.slope, ROUGH)))
+
+
+def _moves(motion: Array) -> bool:
+    """Whether a body moves, by the motion (m,) of limit analysis (local)."""
+    return bool(np.abs(motion).max() > RIGID.resisted)
+
+
+def _begins(body: BoundBody, motion: Array) -> str:
+    """How a body begins to move along ``motion`` (m,), in words (collective)."""
+    return f"it begins to {body.describe(motion, directed=True, poles=True)}"
+
+
 def check_settled(bodies: FloatingBodies, reach: float) -> list[str]:
-    """Check bodies without contact force before and after the solve.
+    """Check bodies without contact force before and after the solve (collective).
 
     Args:
         bodies: The floating bodies.
@@ -213,7 +225,8 @@ def _pushed(body: BoundBody, change: Array, reach: float) -> str:
     if not any((rate > RIGID.resisted * distance).any() for rate in rates):
         raise MortarError(
             f"{body.name} can {body.describe(motion, directed=True)} freely: contact pushed it "
-            f"away, and its Dirichlet conditions do not fix it"
+            "away, and its Dirichlet conditions do not fix it; take smaller steps if a surface "
+            "ahead stops it, else give it a support, or a load that contact can bear"
         )
     return f"{body.name} was pushed along by contact without a force"
 
@@ -322,7 +335,7 @@ def moved_by_loads(bodies: BodyMotions, loads: Array, touching: Touching) -> Mov
     """
     moves = by_body(bodies.bodies, unresisted_motion(loads, touching))
     moved = zip(bodies.bodies, moves, strict=True)
-    return [(body, move) for body, move in moved if np.abs(move).max() > RIGID.resisted]
+    return [(body, move) for body, move in moved if _moves(move)]
 
 
 def _limit_analysis(bodies: FloatingBodies, bulk: Array) -> tuple[Array, Touching]:
@@ -366,23 +379,16 @@ def _part(bodies: FloatingBodies, moves: Moves) -> bool:
 class FloatingBodies(BodyMotions):
     """Floating bodies of a problem and their springs; all methods are collective.
 
-    Args:
-        bulk: The bodies.
-        contacts: The contacts and ties, bound to the same space.
-        motions: The motions of obstacles and remote loads.
-
     Attributes:
         springs: Anchored springs, set by these.
-        settling: Rigid moves before a solve.
     """
 
     springs: AnchoredSprings
 
-    def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], motions: DrivenMotions
-    ) -> None:
-        super().__init__(bulk, contacts, motions)
-        self.settling = Settling(set(), bulk.values)
+    @cached_property
+    def settling(self) -> Settling:
+        """Rigid moves before the last solve; set by ``settle``."""
+        return Settling(set(), self.bulk.values)
 
     @property
     def supported_by_contact(self) -> bool:
@@ -390,6 +396,19 @@ class FloatingBodies(BodyMotions):
         return all(body.is_loaded() for body in self.bodies) and not self.loose()
 
     # Before and after a solve
+
+    def tipping(self, bulk: Array) -> str:
+        """Bodies that tip over at the present state, in words; "" if there are none.
+
+        Args:
+            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
+        """
+        if not (self.bodies and self.contacts):
+            return ""
+        tips = by_body(self.bodies, _tips(*_limit_analysis(self, bulk)))
+        each = zip(self.bodies, tips, strict=True)
+        moved = [(body, tip) for body, tip in each if _moves(tip) and body.is_loaded()]
+        return "; ".join(f"{body.name} {TIPS}: {_begins(body, move)}" for body, move in moved)
 
     def start_with_stick(self) -> None:
         """Let nodes stick at the start of a solve that touch without multipliers (local).
@@ -481,7 +500,7 @@ class FloatingBodies(BodyMotions):
         """Stiffness of springs at the owned dofs (owned dofs,) [stress] from that of each body.
 
         Args:
-            stiffness: Of bodies by their labels, shape (bodies,) [stress].
+            stiffness: Stiffness on each body, by its label, shape (bodies,) [stress].
         """
         springs = np.zeros(self.bulk.num_owned)
         for body in self.bodies:

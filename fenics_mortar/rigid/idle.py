@@ -25,7 +25,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import centre_and_size
 from fenics_mortar.contact.rows import strength
-from fenics_mortar.obstacles.rigid_motion import rigid_motions
+from fenics_mortar.obstacles.rigid_motion import RIGID, rigid_motions
 from fenics_mortar.rigid.body_motions import (
     BoundBody,
     bonded_motions,
@@ -36,7 +36,6 @@ from fenics_mortar.rigid.body_motions import (
 )
 from fenics_mortar.rigid.complementarity import nearest_below, nearly_touching
 from fenics_mortar.rigid.floating import unsupported
-from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array
 
 if TYPE_CHECKING:
@@ -122,7 +121,7 @@ class IdleBodies:
         self._set_aside(())
 
     def give_way(self, moves: Moves) -> Moves:
-        """Shorten moves of other bodies until idle ones can give way; add the moves of these.
+        """Shorten moves of other bodies until idle bodies can give way; add moves of the latter.
 
         Args:
             moves: Bodies with the coefficients of their motions, (motions,) each [length].
@@ -185,7 +184,8 @@ class IdleBodies:
     def describe_unsupported(self) -> list[str]:
         """Remarks, before ``end``, on bodies that nothing holds, with their free motions.
 
-        Neither do contact forces: a gap may be closed without any. Adhesion holds without a force.
+        Contact forces do not hold them either: a gap may be closed without any. Adhesion holds
+        without a force.
         """
         bodies, found = self._bodies, dict[str, list[BoundBody]]()
         idle = [
@@ -286,7 +286,7 @@ class IdleBodies:
             self._readmit(_moved_by(rates[pressed], idle) or idle)
 
     def _may_be_idle(self, body: BoundBody) -> bool:
-        """Whether a body has contacts, each with one other and without adhesion and driven force.
+        """Whether a body has contacts, each with one other body, without adhesion or driven force.
 
         A node that faces several bodies would press on idle ones, too.
         """

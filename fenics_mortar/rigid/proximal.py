@@ -1,33 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""The proximal point method for bodies and obstacles that roll or slide, with anchored springs.
+"""Springs on bodies and obstacles that contact hardly holds: the proximal point method.
 
-If contact hardly resists a rigid motion, for instance of a polygon that rolls from facet to facet,
-a Newton step along it is far too long. Anchored springs limit the step: a solve with springs
-converges, the springs are anchored at the new positions, and so on until the bodies come to rest
-(proximal point method, Rockafellar 1976). With conservative forces each solve decreases the
-potential, and the method converges to a minimum. The last solve is without springs.
-
-Contact forces on facets are not exactly conservative, since they act along averaged normals. The
-error may drive a rolling disk, which then has no equilibrium nearby. In this case weak springs
-remain, and a remark of the certificate states their force, unless it is slight. A slight slope
-drives a body as well: springs become weaker as long as they may remain, so that it
-moves on to its equilibrium; where it finds none it stays. Springs may not remain on a body whose
-nodes with friction all slide, since they would stop a steady slide.
-
-Springs on bodies and obstacles: anchored springs of ``proximal``, and tangent springs.
-
-An anchored spring is part of the residual until it is removed. A tangent spring regularizes a
-motion that active contact does not resist. Its stiffness is in proportion to the force that drives
-the motion, so it vanishes at equilibrium (Levenberg-Marquardt), and the converged solution is
-unaffected.
-
-Thresholds for rigid motions, each with its unit and the reason for its value.
+An anchored spring is part of the residual until it is removed, see ``solve_with_springs``. A
+tangent spring regularizes a motion that active contact does not resist. Its stiffness is in
+proportion to the force that drives the motion, so it vanishes at equilibrium (Levenberg-Marquardt),
+and the converged solution is unaffected.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -37,88 +20,12 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, solve, then_solve
-from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, SOLVED, TINY, Array, Value
+from fenics_mortar.obstacles.rigid_motion import RIGID
+from fenics_mortar.utils.arrays import SOLVED, TINY, Array, Value
 from fenics_mortar.utils.errors import NotConvergedError
 
 
-@dataclass(frozen=True)
-class RigidOptions:
-    """Thresholds common to floating bodies and driven obstacles.
-
-    Attributes:
-        resisted: Contact resists a motion if it changes gaps, or the slip of sticking nodes, by
-            more than this fraction of its size [1].
-        weakest_spring: Smallest stiffness of a spring over the largest diagonal entry of K [1]:
-            enough for a regular matrix.
-        weakest_anchor: Smallest stiffness of an anchored spring that forces determine [1]: a weight
-            of a millionth of the stiffness moves a body. Smaller forces are rounding.
-        stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
-            residual [1].
-        negligible: Resultants below this fraction of the forces are within the error of the
-            discretization [1]: 0.5 %. Springs may carry them. Obstacles, whose normals are exact,
-            are subject to such an error of the slave's facets.
-        slight: Resultants below this fraction of the forces are small compared with the error of
-            contact forces along averaged normals, and with ``negligible`` [1]. Springs may not
-            carry more on a body that slides at its friction limit, since they alone would stop it;
-            on others a larger force has a remark.
-        normals_err: Error of contact forces along averaged normals of two meshes [1].
-        overlap: Overlap of nodes over their length at the end of motions before a solve [1], so
-            that the nodes are active. Bodies that move by less are considered at rest, also with
-            springs.
-        largest_move: Largest motion in one move over the size of the body [1]: gaps are linear in
-            smaller motions.
-        max_moves: Largest number of moves before a solve.
-        max_creeping: Number of successive moves, all shorter than ``overlap``, after which the
-            bodies are considered stopped. A remaining creep, such as that of a disk in a ring, is
-            left to Newton's method.
-        followed: Relative singular-value cutoff of the least-squares fit to nodes that stick [1]:
-            combinations of motions with small slip, such as rolling, are left to the solve.
-        elongation: Elongation of anchored springs per solve [shortest facets].
-        recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
-            shrinks by the cube of this factor.
-        max_solves: Largest number of solves with springs.
-        max_readmissions: Number of times that an idle body is squeezed in a solve after which it
-            takes part in contact to the end: Newton's method overestimates forces once or twice.
-        narrowest: Slope of a wedge [1] below which it is squeezed between its neighbours, not out
-            of the way: the smallest friction of dry contact. With more friction, its coefficient.
-        one_sided: Force of springs over the contact force on an idle body [1] above which contact
-            presses it against the springs alone: 1 if it touches one plane, sin(a) between two that
-            include the angle 2 a.
-        max_failures: Number of failures in a row after which the solve fails: the elongation is
-            below 1e-4 facets then.
-        repeats: Number of solves with springs that remain: contact forces then are as large as
-            possible.
-        sliver: Length over the shortest facet that is considered zero [1]: the advance of an
-            obstacle in a move, or the overlap of surfaces that slip off each other.
-    """
-
-    resisted: float = 1e-3
-    weakest_spring: float = 1e-6
-    weakest_anchor: float = 1e-9
-    stiffness_rounding: float = ASSEMBLY_ROUNDING
-    negligible: float = 0.005
-    slight: float = 1e-5
-    normals_err: float = 0.05
-    overlap: float = 0.01
-    largest_move: float = 0.2
-    max_moves: int = 200
-    max_creeping: int = 10
-    followed: float = 0.5
-    elongation: float = 0.25
-    recovery: float = 2.0
-    max_solves: int = 24
-    max_readmissions: int = 3
-    narrowest: float = 0.1
-    one_sided: float = 0.5
-    max_failures: int = 5
-    repeats: int = 3
-    sliver: float = 1e-3
-
-
-RIGID = RigidOptions()
-
-
-class Carried(NamedTuple):
+class SpringForce(NamedTuple):
     """Force of anchored springs on a body or obstacle, see ``carried_by``.
 
     Attributes:
@@ -126,12 +33,14 @@ class Carried(NamedTuple):
         fraction: Force of springs over the contact force on it [1].
         slides: Whether all its nodes with friction slide.
         how: The motion by which it stretches the springs; "" without a force.
+        tips: Whether sticking of all its nodes could not prevent this motion either.
     """
 
     name: str
     fraction: float
     slides: bool
     how: str
+    tips: bool
 
     def __str__(self) -> str:
         """The force in words."""
@@ -182,6 +91,20 @@ def solve_with_springs(
 ) -> NewtonReport:
     """Solve with springs, and finally without springs or with weak ones (collective).
 
+    The proximal point method for bodies and obstacles that roll or slide, with anchored springs. If
+    contact hardly resists a rigid motion, for instance of a polygon that rolls from facet to facet,
+    a Newton step along it is far too long. Anchored springs limit the step: a solve with springs
+    converges, the springs are anchored at the new positions, and so on until the bodies come to
+    rest (proximal point method, Rockafellar 1976). With conservative forces each solve decreases
+    the potential, and the method converges to a minimum. The last solve is without springs.
+
+    Contact forces on facets are not exactly conservative, since they act along averaged normals.
+    The error may drive a rolling disk, which then has no equilibrium nearby. In this case weak
+    springs remain, and a remark of the certificate states their force, unless it is slight. A
+    slight slope drives a body as well: springs become weaker as long as they may remain, so that it
+    moves on to its equilibrium; where it finds none it stays. Springs may not remain on a body
+    whose nodes with friction all slide, since they would stop a steady slide.
+
     Args:
         equations: The equations, at the initial state.
         options: Options of the last solve.
@@ -191,9 +114,22 @@ def solve_with_springs(
         The record of all iterations, including those of ``failed``.
 
     Raises:
-        NotConvergedError: On all ranks, if the bodies do not come to rest.
+        NotConvergedError: On all ranks, if the bodies do not come to rest; those that tip over at
+            the first state on springs where one does come first in its message.
     """
-    begin, run = equations.state(), _OnSprings(equations, options, failed)
+    run = _OnSprings(equations, options, failed)
+    try:
+        return _solve_on(run)
+    except NotConvergedError as error:
+        if not run.tips:
+            raise
+        raise NotConvergedError(f"{run.tips[0]}; {error}", error.report) from failed
+
+
+def _solve_on(run: _OnSprings) -> NewtonReport:
+    """``solve_with_springs``."""
+    equations, options, failed = run.equations, run.options, run.failed
+    begin = equations.state()
     report, first, nearest = run.move(failed.report, NOWHERE)
     arrived, carried = equations.state(), equations.springs.remaining()
     try:
@@ -259,11 +195,16 @@ def solve_with_weak_springs(
 
 @dataclass(frozen=True)
 class _OnSprings:
-    """Solves of equations after one without springs that failed; records begin with ``report``."""
+    """Solves of equations after one without springs that failed; records begin with ``report``.
+
+    ``tips``: which bodies tip over at the first state where loads do work on a motion in which
+    bodies separate, in words; later ones may have been thrown somewhere.
+    """
 
     equations: Any
     options: NewtonOptions
     failed: NotConvergedError
+    tips: list[str] = field(default_factory=list)
 
     def without(self, report: NewtonReport) -> NewtonReport:
         """Solve without springs."""
@@ -289,11 +230,11 @@ class _OnSprings:
         body have failed then: Newton's method has jumped. The first elongation is ``aim``.
 
         Bodies may not come to rest, such as a ball without friction, which the error of the contact
-        forces turns for ever.
+        forces turns forever.
 
         Returns:
-            The record of all iterations; the elongation of the first solve that did not fail: with
-            longer ones another pass from the same state would fail, too; where they carry least.
+            The record of all iterations; the elongation of the first solve that did not fail (with
+            longer ones another pass from the same state would fail, too); the nearest state.
         """
         # the last solve, without springs, uses the user's tolerance
         tolerance = max(SOLVED, self.options.residual_tolerance)
@@ -309,6 +250,9 @@ class _OnSprings:
                     raise NotConvergedError(self.failed.report.reason, report)
                 continue
             first = first or aim
+            if not self.tips:
+                tips = springs.tipping()
+                self.tips.extend([tips] * (tips != ""))
             rests = springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
             carried = springs.remaining()
             if rests and not (balanced and carried.fraction > RIGID.slight):
@@ -321,12 +265,7 @@ class _OnSprings:
         return report, first or aim, nearest
 
     def anchored(
-        self,
-        report: NewtonReport,
-        aim: float,
-        *,
-        touched: bool,
-        share: float = 1.0,
+        self, report: NewtonReport, aim: float, *, touched: bool, share: float = 1.0
     ) -> tuple[NewtonReport, str]:
         """One solve with springs; a failure restores the state.
 
@@ -358,8 +297,8 @@ class Springs(Value):
     """Anchored springs, relaxed at a displacement and at places.
 
     Attributes:
-        of_bodies: Stiffness of those on each body, by its label, shape (bodies,) [stress].
-        of_motions: Stiffness of those on obstacles and remote loads, shape (m, 3) [stress].
+        of_bodies: Stiffness of the springs on each body, by its label, shape (bodies,) [stress].
+        of_motions: The same on obstacles and remote loads, shape (m, 3) [stress].
         u: The displacement, shape (owned dofs,) [length].
         places: The places, shape (m, 3) [length, length, radian].
     """
@@ -446,14 +385,17 @@ class AnchoredSprings:
             return np.zeros(self._motions.scales.shape)
         return self.present.of_motions * self._motions.motions_since(self.present.places)
 
-    def carried(self) -> list[Carried]:
+    def carried(self) -> list[SpringForce]:
         """Forces of the springs on each floating body, then on each driven obstacle."""
         if self.present is None:
             return []
         bodies, forces = self._bodies.bodies, self.on_bodies()
         contact = sum(body.contact_force() for body in bodies)
         found = [
-            carried_by(body, -body.resultant(forces), body.rounding(contact)) for body in bodies
+            carried_by(
+                body, -body.resultant(forces), body.rounding(contact), body.loose(rough=True)
+            )
+            for body in bodies
         ]
         on_obstacles = zip(self._motions.on_contacts, self.on_motions(), strict=False)
         return found + [carried_by(each, on) for each, on in on_obstacles if each.driven.any()]
@@ -468,6 +410,11 @@ class AnchoredSprings:
             f"{', '.join(map(str, held))}: {_reason(held)}" if held else "",
         )
 
+    def tipping(self) -> str:
+        """Bodies that tip over at the present state, in words; "" if there are none."""
+        bulk, _, _ = self._equations.residual.forces()
+        return self._bodies.tipping(bulk)
+
     def _acting(self, springs: Springs) -> Array:
         """Stiffness of springs on bodies, zero for idle ones, shape (bodies,) [stress]."""
         idle = np.isin(np.arange(springs.of_bodies.size), list(self._bodies.aside))
@@ -478,8 +425,18 @@ class AnchoredSprings:
         return self._bodies.bulk.values[: self._bodies.bulk.num_owned]
 
 
-def _reason(held: Sequence[Carried]) -> str:
+def _reason(held: Sequence[SpringForce]) -> str:
     """Why springs carry forces."""
+    lost = [each.name for each in held if not np.isfinite(each.fraction)]
+    if lost:
+        have = "has" if len(lost) == 1 else "have"
+        return f"{', '.join(lost)} {have} lost all contact; add a support, or prescribe the motion"
+    tipping = [each.name for each in held if each.slides and each.tips]
+    if tipping:
+        return (
+            f"loads turn {', '.join(tipping)} about the only place where contact acts, which no "
+            "friction can prevent; move the loads or the supports, or prescribe the motion"
+        )
     sliding = [each.name for each in held if each.slides]
     if sliding:
         return (
@@ -508,13 +465,16 @@ def anchored_stiffness(drive: Array, err: float, length: float, stiffness: float
     return RIGID.weakest_spring * stiffness if is_forceless else spring
 
 
-def carried_by(mover: Any, springs: Array, rounding: float = 0.0) -> Carried:
+def carried_by(
+    mover: Any, springs: Array, rounding: float = 0.0, free: Array | None = None
+) -> SpringForce:
     """What springs carry of the force on a body or obstacle (collective).
 
     Args:
         mover: The body or obstacle.
         springs: Force of the springs along its motions, shape (motions,) [stress length].
         rounding: Force that is considered zero [stress length].
+        free: Orthonormal motions that contact of any friction admits, (n, motions) [1].
     """
     size, contact = float(np.linalg.norm(springs)), mover.contact_force()
     acts = size > rounding
@@ -524,7 +484,8 @@ def carried_by(mover: Any, springs: Array, rounding: float = 0.0) -> Carried:
         for marks in ("sticking", "sliding")
     )
     how = mover.describe(springs, directed=True) if acts else ""
-    return Carried(mover.name, fraction if acts else 0.0, slides and not sticks, how)
+    tips = free is not None and bool(np.linalg.norm(free @ springs) > RIGID.slight * contact)
+    return SpringForce(mover.name, fraction if acts else 0.0, slides and not sticks, how, tips)
 
 
 def tangent_stiffness(drive: Array, force: float) -> float:

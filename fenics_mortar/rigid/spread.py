@@ -1,57 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Loads and motions given at a point: what users give, and what the equations need of them.
 
-**Spread loads**, over a boundary that stays free to deform. Its mean motion is the rigid one next
-to the displacements,
-
-    minimize  int |x - x_P - R (X - P)|^2 dA.
-
-With means X_0 and x_0, R is the polar rotation of int x X'^T dA with X' = X - X_0, and
-x_P = x_0 + R (P - X_0). In plane and space e_i are the axes of rotation. With v = R X' and its
-moments v_k = int N_k v dA at the nodes, the mass matrix times v, the spin t of R follows from
-
-    S t = sum_k (e_i x v_k) . dx_k,    S_ij = sum_k (e_i x v_k) . (e_j x x_k).
-
-The nodal forces are work-conjugate to the mean motion, f_k = F . dx_P/dx_k + M . dt/dx_k, that is
-
-    f_k = a_k F / sum(a) + w x v_k,    S w = m = M + l x F,    l = R (P - X_0),
-
-with a_k = int N_k dA: a traction c + A x with the resultants F and M about the moved pivot. They
-depend on t and S. With q = sum_k (e_i x v_k) . (w x dx_k), the part of dS w at constant v,
-
-    df_k = dw x v_k + w x (t x v_k),    S dw = (L - N) t - q,
-
-    L_ij = (e_i x (e_j x l)) . F,    N_ij = sum_k (e_i x (e_j x v_k)) . (w x x_k):
-
-columns and rows of the border, with t and q as unknowns, two in the plane and six in space.
-
-**Sections under pretension.** The force in a tie is the load of its jump along an axis. The rows of
-the tie are D u_s - M (u_m + s a) for the shortening s along the axis a. The force that
-tightens the section is conjugate to s,
-
-    f_q = -sum_j m_j a . z_j = push,    m = M 1,
-
-so that column and row of the border are transposed, up to the weights of the tie's rows. Where only
-contact resists the motion of the sides of a section along its axis, they float: see
-``body_motions``.
-
-**Boundaries that move as rigid ones.** Their nodes k have the displacements
-
-    u_k = U + (R(angle) - 1) (X_k - P)
-
-with the pivot P and q = (U, angle arm), in space with the rotation vector. They are prescribed dofs
-with values that depend on q. The forces r_k of bodies and contact on these nodes are in balance
-with force and moment at the pivot,
-
-    f_q = sum_k V_k(q) . r_k = push,    V_k = du_k / dq,
-
-which is one row of the border per motion, see ``driven``. With l_k from the present pivot to the
-node, V_k of a turn about e_i is e_i x l_k / arm, and the derivative of the moments by the turns at
-constant r is
-
-    E_ij = sum_k (e_i x (e_j x l_k)) . r_k / arm^2,
-
-in the plane -l . r / arm^2. Shapes below are those of the plane.
+A ``SpreadLoad`` is spread over a boundary that stays free to deform, a ``RigidBoundary`` moves as a
+rigid one, and a section under pretension has a force or a shortening along its axis. In a problem
+they are a ``BoundSpreadLoad``, a ``BoundRigidBoundary`` and a ``BoundSection``. What has a place,
+also an obstacle, is a ``Mover``. Shapes are those of the plane.
 """
 
 from __future__ import annotations
@@ -63,30 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.bulk.bodies import products
+from fenics_mortar.bulk.bodies import RemoteLoad, products
 from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix, Border
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
-from fenics_mortar.obstacles.rigid_motion import (
-    TURNS,
-    RigidMotion,
-    check_vector,
-    describe_load,
-    describe_place,
-    place_after,
-    polar,
-    vector_beside,
-)
+from fenics_mortar.obstacles import rigid_motion
 from fenics_mortar.rigid.proximal import tangent_stiffness
+from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices, Numbers, norms
-from fenics_mortar.utils.errors import (
-    MortarError,
-    SurfaceError,
-    check_kind,
-    check_same_texts,
-    together,
-)
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
@@ -100,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class Mover(ABC):
-    """What moves as a rigid one in a problem: an obstacle, a boundary, or the sides of a section.
+    """What moves rigidly in a problem: an obstacle, a boundary, or the sides of a section.
 
     Attributes:
         motion: Place and loads, those of the user's object.
@@ -136,7 +74,7 @@ class Mover(ABC):
 
     def move(self, change: Array) -> None:
         """Add ``change`` to the motion, shape (3,) [length] (local)."""
-        self.motion.place = place_after(self.motion.place, change, self.arm)
+        self.motion.place = rigid_motion.place_after(self.motion.place, change, self.arm)
 
     @abstractmethod
     def force(self) -> Array:
@@ -173,11 +111,11 @@ class Mover(ABC):
         force = self.reacts * self.force() * self.scales
         is_axial = self._space.is_axisymmetric  # radial forces and moments vanish around the axis
         self.motion.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
-        load = describe_load(force, self.force_name, is_axial=is_axial)
-        return f"{self.name}{describe_place(self.motion.place)}: {load}"
+        load = rigid_motion.describe_load(force, self.force_name, is_axial=is_axial)
+        return f"{self.name}{rigid_motion.describe_place(self.motion.place)}: {load}"
 
 
-class BoundaryMotion(RigidMotion):
+class BoundaryMotion(rigid_motion.RigidMotion):
     """Motion and loads given at a point of a boundary (the constructor is collective).
 
     Args:
@@ -201,14 +139,16 @@ class BoundaryMotion(RigidMotion):
     def __init__(
         self, data: MeshData, boundary: Names, *, pivot: npt.ArrayLike, name: str | None = None
     ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
+        errors.check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data, own = data, type(self).__name__
-        with together(data.mesh.comm, own):
+        with errors.together(data.mesh.comm, own):
             given = joined_names(boundary) if name is None else name
-            super().__init__(given, check_vector("pivot", pivot, data.mesh.geometry.dim))
+            super().__init__(
+                given, rigid_motion.check_vector("pivot", pivot, data.mesh.geometry.dim)
+            )
             self.tags = data.boundary_tags(boundary)
         here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
-        check_same_texts(data.mesh.comm, own, here)
+        errors.check_same_texts(data.mesh.comm, own, here)
         data.boundary_facets(boundary)
         self.load[:] = self.unloaded
 
@@ -237,7 +177,7 @@ def refuse_remote(loads: Sequence[Any], purpose: str) -> None:
     """
     if loads:
         name = f"{loads[0].motion.kind} '{loads[0].motion.name}'"
-        raise MortarError(f"{purpose} with remote loads, as {name}")
+        raise errors.MortarError(f"{purpose} with remote loads, as {name}")
 
 
 def check_remote(remote: Any) -> None:
@@ -310,6 +250,30 @@ class SpreadLoad(BoundaryMotion):
 class BoundSpreadLoad:
     """A spread load in the space of a problem; arrays of nodes are replicated.
 
+    The mean motion of the boundary is the rigid one next to the displacements,
+
+        minimize  int |x - x_P - R (X - P)|^2 dA.
+
+    With means X_0 and x_0, R is the polar rotation of int x X'^T dA with X' = X - X_0, and
+    x_P = x_0 + R (P - X_0). In plane and space e_i are the axes of rotation. With v = R X' and its
+    moments v_k = int N_k v dA at the nodes, the mass matrix times v, the spin t of R follows from
+
+        S t = sum_k (e_i x v_k) . dx_k,    S_ij = sum_k (e_i x v_k) . (e_j x x_k).
+
+    The nodal forces are work-conjugate to the mean motion, f_k = F . dx_P/dx_k + M . dt/dx_k, that
+    is
+
+        f_k = a_k F / sum(a) + w x v_k,    S w = m = M + l x F,    l = R (P - X_0),
+
+    with a_k = int N_k dA: a traction c + A x with the resultants F and M about the moved pivot.
+    They depend on t and S. With q = sum_k (e_i x v_k) . (w x dx_k), the part of dS w at constant v,
+
+        df_k = dw x v_k + w x (t x v_k),    S dw = (L - N) t - q,
+
+        L_ij = (e_i x (e_j x l)) . F,    N_ij = sum_k (e_i x (e_j x v_k)) . (w x x_k):
+
+    columns and rows of the border, with t and q as unknowns, two in the plane and six in space.
+
     Args:
         motion: The load of the user.
         space: Nodes and dofs of the displacement.
@@ -321,7 +285,7 @@ class BoundSpreadLoad:
 
     def __init__(self, motion: SpreadLoad, space: DisplacementSpace) -> None:
         """Find the boundary (collective)."""
-        self.motion, self._space, self._axes = motion, space, TURNS[motion.dim]
+        self.motion, self._space, self._axes = motion, space, rigid_motion.TURNS[motion.dim]
         self.num_unknowns = 2 * len(self._axes)
         tags = motion.data.facet_tags, motion.tags
         self._surface = extract_surface(space, *tags, motion.name)
@@ -341,8 +305,8 @@ class BoundSpreadLoad:
         areas, dim, total = self._areas, self.motion.dim, self._areas.sum()
         self._x = self._X + here
         is_axial = self._space.is_axisymmetric  # nothing turns
-        R = np.eye(dim) if is_axial else polar(self._x.T @ (self._mass @ arms))[0]
-        self._turn = vector_beside(R, self._turn)
+        R = np.eye(dim) if is_axial else rigid_motion.polar(self._x.T @ (self._mass @ arms))[0]
+        self._turn = rigid_motion.vector_beside(R, self._turn)
         self._v = arms @ R.T
         around = self._around(self._mass @ self._v)
         S = np.einsum("kia,kja->ij", around, self._around(self._x))
@@ -394,12 +358,22 @@ class BoundSpreadLoad:
     def record(self) -> str:
         """Set place and reaction of the user's load; return a sentence (local)."""
         self.motion.place, self.motion.reaction = self._place.copy(), self.motion.load.copy()
-        load = describe_load(self.motion.load)
-        return f"spread load '{self.motion.name}'{describe_place(self._place)}: {load}"
+        load = rigid_motion.describe_load(self.motion.load)
+        return f"spread load '{self.motion.name}'{rigid_motion.describe_place(self._place)}: {load}"
 
 
-class BoundSection(Mover):
+class BoundSection(Mover, RemoteLoad):
     """A section in the space of a problem, a remote load as ``BoundRigidBoundary``.
+
+    The force in a tie is the load of its jump along an axis. The rows of the tie are
+    D u_s - M (u_m + s a) for the shortening s along the axis a. The force that tightens the section
+    is conjugate to s,
+
+        f_q = -sum_j m_j a . z_j = push,    m = M 1,
+
+    so that column and row of the border are transposed, up to the weights of the tie's rows. Where
+    only contact resists the motion of the sides of a section along its axis, they float: see
+    ``body_motions``.
 
     Args:
         tie: The tie of its faces.
@@ -438,6 +412,12 @@ class BoundSection(Mover):
         self.tie.scatter_add(self.tie.operators.force(z), found)
         return found
 
+    def motions_by(self, body: FloatingBody, part: int) -> Array:
+        """The shortening due to the motions of a body, as the first of (motions, 3) [1] (local)."""
+        rigid = self.motion.place.size
+        number = [section.load for section in body.sections].index(self)
+        return np.outer(body.motions[:, rigid + number], np.eye(rigid)[0])
+
     def _by_multipliers(self) -> Array:
         """Derivative of f_q with respect to the multipliers, of their shape [length]."""
         by_z = np.zeros_like(self.tie.z)
@@ -445,7 +425,7 @@ class BoundSection(Mover):
         return by_z
 
     def _weights(self) -> Array:
-        """M = M 1, shape (slave nodes,) [length]."""
+        """The weights m = M 1, shape (slave nodes,) [length]."""
         return np.asarray(self.tie.M @ np.ones(self.tie.master.num_nodes))
 
     def linearize(self, system: LinearSystem) -> Border:
@@ -474,7 +454,7 @@ def _normal_of(slave: Surface) -> Array:
     normals = outward_normals(slave.X[slave.facets])
     mean = normals.sum(axis=0)
     if np.linalg.norm(mean) < np.cos(SMALL_ANGLE) * norms(normals).sum():
-        raise SurfaceError(
+        raise errors.SurfaceError(
             f"section '{slave.name}' is not straight: give the axis= of the pretension, the "
             "direction in which the slave moves into the master"
         )
@@ -524,8 +504,26 @@ class RigidBoundary(BoundaryMotion):
     kind = "rigid boundary"
 
 
-class BoundRigidBoundary(Mover):
+class BoundRigidBoundary(Mover, RemoteLoad):
     """A rigid boundary in the space of a problem; also the Dirichlet condition of its nodes.
+
+    Its nodes k have the displacements
+
+        u_k = U + (R(angle) - 1) (X_k - P)
+
+    with the pivot P and q = (U, angle arm), in space with the rotation vector. They are prescribed
+    dofs with values that depend on q. The forces r_k of bodies and contact on these nodes are in
+    balance with force and moment at the pivot,
+
+        f_q = sum_k V_k(q) . r_k = push,    V_k = du_k / dq,
+
+    which is one row of the border per motion, see ``driven``. With l_k from the present pivot to
+    the node, V_k of a turn about e_i is e_i x l_k / arm, and the derivative of the moments by the
+    turns at constant r is
+
+        E_ij = sum_k (e_i x (e_j x l_k)) . r_k / arm^2,
+
+    in the plane -l . r / arm^2.
 
     Args:
         motion: The boundary of the user.
@@ -535,12 +533,11 @@ class BoundRigidBoundary(Mover):
         motion: The boundary of the user.
         nodes: Global numbers of its nodes, replicated, shape (n,).
         arm: Largest distance of a node from the pivot [length].
-        part: Lowest part of the mesh with a node, once ``parts_of`` has been called.
+        local_nodes: Its local nodes, with ghosts, shape (k,).
         function_space, g: Of a Dirichlet condition; it has no constant or function.
     """
 
     g = None
-    part: int
 
     def __init__(self, motion: RigidBoundary, space: DisplacementSpace) -> None:
         """Find the owned and ghost nodes of the boundary (collective)."""
@@ -551,7 +548,8 @@ class BoundRigidBoundary(Mover):
         count = index_map.size_local + index_map.num_ghosts
         local = index_map.local_to_global(np.arange(count, dtype=np.int32))
         here = np.flatnonzero(np.isin(local, self.nodes))
-        self._nodes, self._here, self._owned = here, space.dofs[here], here < space.num_nodes
+        self.local_nodes: Indices = here
+        self._here, self._owned = space.dofs[here], here < space.num_nodes
         self._dofs: Indices = self._here[self._owned]  # owned ones, shape (k, 2)
         self._comm = surface.comm
         self._surface = surface
@@ -633,7 +631,7 @@ class BoundRigidBoundary(Mover):
         found, rates = np.zeros(self._bulk.num_owned), self._along_motions(v[self._dofs])
         dim = self.motion.dim
         spin = np.linalg.solve(self._products(), rates)[dim:] / self.arm
-        W = np.tensordot(spin, TURNS[dim], 1)
+        W = np.tensordot(spin, rigid_motion.TURNS[dim], 1)
         found[self._dofs] = self._levers() @ (W @ W).T
         return found
 
@@ -644,23 +642,13 @@ class BoundRigidBoundary(Mover):
 
     def _levers(self) -> Array:
         """Owned nodes minus the pivot, shape (k, 2) [length]."""
-        return self.motion.to_space(self._X[self._owned]) - self._pivot()
+        return self.motion.to_space(self._X[self._owned]) - self.motion.present_pivot
 
-    def motions_by(self, body: FloatingBody) -> Array:
-        """The motions due to those of a floating body, shape (motions, 3) [1] (local)."""
-        velocity = body.displacement(self._pivot()[None], np.array([self.part]))[:, 0]
+    def motions_by(self, body: FloatingBody, part: int) -> Array:
+        """The motions due to those of a body, at a part of it, shape (motions, 3) [1] (local)."""
+        velocity = body.displacement(self.motion.present_pivot[None], np.array([part]))[:, 0]
         dim, count = self.motion.dim, self.motion.place.size
         return np.column_stack([velocity, body.motions[:, dim:count] * (self.arm / body.size)])
-
-    def parts_of(self, parts: Indices) -> Indices:
-        """Parts of the mesh at the nodes, replicated, (n,), from those of local nodes (collective).
-
-        The first one is kept as ``part``.
-        """
-        mine = set(parts[self._nodes].tolist())
-        found = np.array(sorted(set().union(*self._comm.allgather(mine))))
-        self.part = int(found[0])
-        return found
 
     def take_bulk_rows(self) -> None:
         """Store V^T K, before contact changes K (collective)."""
@@ -680,13 +668,12 @@ class BoundRigidBoundary(Mover):
         if self._touching:
             rows += _by_contact(system, V)
         moments = np.einsum("ka,kb->ab", self._forces(), self._levers()) / self.arm**2
-        twice, moments = TURNS[dim][:, None] @ TURNS[dim], sum_over_ranks(self._comm, moments)
+        twice, moments = (
+            rigid_motion.TURNS[dim][:, None] @ rigid_motion.TURNS[dim],
+            sum_over_ranks(self._comm, moments),
+        )
         corner[dim:, dim:] = np.einsum("ijab,ab->ij", twice, moments)
         return border
-
-    def _pivot(self) -> Array:
-        """Present position of the pivot, shape (2,) [length]."""
-        return self.motion.pivot + self.motion.place[: self.motion.dim]
 
 
 def _by_contact(system: LinearSystem, V: Array) -> Array:

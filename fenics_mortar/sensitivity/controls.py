@@ -1,28 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""Controls of contact: parameters of laws, offsets, obstacles; what users give of a gradient.
+"""Controls of contact: parameters of laws, offsets, obstacles.
 
 Offsets and shapes act on rows and memory through nodal fields, parameters of laws
 directly, places and loads of obstacles on the rows of the motions.
-
-Quantities and controls from arguments of users: UFL objects are converted, others checked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag
 
-import ufl
-from dolfinx import fem
-
-from fenics_mortar.bulk.checks import check_domain
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
-from fenics_mortar.sensitivity.forms import FormControl, FormQuantity, kept_for
 from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
 from fenics_mortar.sensitivity.partials.fields import fields_by_shape
 from fenics_mortar.sensitivity.partials.history import (
@@ -32,16 +24,8 @@ from fenics_mortar.sensitivity.partials.history import (
     change_of_rows,
     parameter,
 )
-from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Control, PairControl
-from fenics_mortar.utils.errors import (
-    MortarError,
-    check_choice,
-    check_kind,
-    check_lengths,
-    check_number,
-    check_same_texts,
-    together,
-)
+from fenics_mortar.sensitivity.protocols import Control, PairControl
+from fenics_mortar.utils import errors
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.fluxes import Flux
@@ -74,7 +58,7 @@ class LawParameter(PairControl):
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
         law = contact_of(problem.equations, self.pair).pair.law
-        check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
+        errors.check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
         new = np.array(values, float)
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
@@ -108,7 +92,7 @@ class Offset(PairControl):
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
         contact = contact_of(problem.equations, self.pair)
-        contact.change(offset=check_lengths("offset", values, contact.slave.num_nodes))
+        contact.change(offset=errors.check_lengths("offset", values, contact.slave.num_nodes))
 
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective)."""
@@ -170,7 +154,7 @@ class ConductanceScale(OfPair, Control):
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
-        check_number("scale", float(values), "a positive number", lambda scale: scale > 0.0)
+        errors.check_number("scale", float(values), "a positive number", lambda scale: scale > 0.0)
         self._flux(problem).law.scale = float(values)
 
     def _loads(self, problem: ContactProblem) -> Array:
@@ -208,7 +192,7 @@ class _OfObstacle(Control):
         Raises:
             ValueError: If it is not.
         """
-        check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
+        errors.check_kind("obstacle", self.obstacle, Obstacle, "an obstacle of the problem")
 
 
 class _OfMotions(_OfObstacle):
@@ -284,7 +268,7 @@ class ObstaclePlace(_OfMotions):
         if not turn.size:
             return super()._motions()
         if turn[0, given].any() and not given.all():
-            raise MortarError(
+            raise errors.MortarError(
                 f"{self.name}: rotations about some axes are prescribed, about others driven by "
                 "moments: expected all of one kind, or no prescribed turn"
             )
@@ -336,7 +320,7 @@ class ObstacleShape(_OfObstacle, PairControl):
             ValueError: If it is not.
         """
         super().check()
-        check_choice("shape parameter", self.parameter, self.obstacle.shape())
+        errors.check_choice("shape parameter", self.parameter, self.obstacle.shape())
 
     def get(self, problem: ContactProblem) -> Array:
         """Present values (local), of shape () for a single number [their unit]."""
@@ -354,65 +338,6 @@ class ObstacleShape(_OfObstacle, PairControl):
     def fields(self, problem: ContactProblem, i: int, before: Before = None) -> Changes:
         """Derivatives of the nodal fields of pair ``i``, one of ``pairs`` (collective)."""
         return fields_by_shape(contact_of(problem.equations, i), self.parameter)
-
-
-def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
-    """Controls; constants and functions are converted (local).
-
-    Raises:
-        ValueError: If an object is not a control, or a pair reads a constant or function.
-    """
-    return [_control_of(problem, control) for control in as_list(given)]
-
-
-def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
-    """Quantities; UFL forms are converted (local).
-
-    Raises:
-        ValueError: If an object is neither a quantity nor a form of rank 0.
-    """
-    return [_quantity_of(problem, quantity) for quantity in as_list(given)]
-
-
-def as_list(given: Any) -> list[Any]:
-    """A list of at least one object from one object or several (local).
-
-    Raises:
-        ValueError: If the list is empty.
-    """
-    found = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    if not found:
-        raise ValueError("an empty list: expected at least one control and one quantity")
-    return found
-
-
-def read(
-    problem: ContactProblem, objective: Any, controls: Any
-) -> tuple[list[Quantity], list[Control]]:
-    """Quantities and controls of a gradient; see ``gradient`` for the arguments (collective).
-
-    Raises:
-        ValueError: On all ranks, if an argument is of another type, or nothing depends on a
-            control.
-        MortarError: On all ranks, if number, kind or arguments of quantities or controls differ.
-    """
-    comm = problem.equations.comm
-    with together(comm, "gradient"):
-        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-    given = {
-        "quantities": [_described(quantity) for quantity in quantities],
-        "controls": [f"{type(control).__name__} {control.name}" for control in made],
-    }
-    check_same_texts(comm, "gradient", given)
-    for control in made:
-        occurs = getattr(control, "occurs", True)
-        tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
-        if not occurs and not any(depends_on(control) for depends_on in tests):
-            raise ValueError(
-                f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
-                "on this control"
-            )
-    return quantities, made
 
 
 def explicit(
@@ -436,74 +361,3 @@ def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> 
     """
     mine, is_distributed = float(np.vdot(one, other)), getattr(control, "is_distributed", False)
     return problem.equations.comm.allreduce(mine) if is_distributed else mine
-
-
-def _refuse_data_of_pairs(problem: ContactProblem, data: Any) -> None:
-    """Raise for a constant or function that a pair reads: its rows have no derivative by it.
-
-    Raises:
-        ValueError: If a pair reads it.
-    """
-    for contact in problem.equations.contacts:
-        pair: Any = contact.pair
-        read = [("jump", getattr(pair, "jump", None))]
-        read += [("temperature", heat.temperature) for heat in getattr(pair, "fluxes", ())]
-        read += getattr(getattr(pair, "law", None), "varying", {}).items()
-        for name, value in read:
-            if value is data:
-                raise ValueError(
-                    f"{data} is {name} of {pair!r}, by which a gradient has no derivative; "
-                    "parameters of laws are controls by sensitivity.LawParameter"
-                )
-
-
-def _control_of(problem: ContactProblem, control: Any) -> Control:
-    bulk = problem.equations.bulk
-    if control is bulk.u:
-        raise ValueError("the displacement is an unknown: expected a control on which it depends")
-    if isinstance(control, (fem.Constant, fem.Function)):
-        _refuse_data_of_pairs(problem, control)
-        return kept_for(bulk, control, lambda: FormControl(bulk, control))
-    if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
-        raise ValueError(
-            f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
-            f"package, e.g. LawParameter(0, 'mu')"
-        )
-    _check(control)
-    return control
-
-
-def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
-    bulk = problem.equations.bulk
-    if isinstance(quantity, ufl.Form):
-        if quantity.arguments():
-            raise ValueError(
-                f"the objective is a form with {len(quantity.arguments())} arguments: expected a "
-                "form without test functions"
-            )
-        check_domain("objective", quantity, bulk.V.ufl_domain())
-        return kept_for(bulk, quantity, lambda: FormQuantity(bulk, quantity))
-    if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
-        raise ValueError(
-            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, "
-            f"e.g. TotalForce(0, (0.0, 1.0))"
-        )
-    _check(quantity)
-    if isinstance(quantity, ContactQuantity):
-        quantity.check_dimension(bulk.space.dim)
-    return quantity
-
-
-def _check(given: Any) -> None:
-    """Check the arguments of a control or quantity, if it has a method for this (local)."""
-    check = getattr(given, "check", None)
-    if check is not None:
-        check()
-
-
-def _described(quantity: Any) -> list[Any]:
-    """Type and public arguments of a quantity, or of its parts, for a comparison (local)."""
-    if isinstance(quantity, Combined):
-        return [type(quantity).__name__, *map(_described, quantity.parts)]
-    public = {name: v for name, v in vars(quantity).items() if not name.startswith("_")}
-    return [type(quantity).__name__, public]

@@ -1,30 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""UFL forms as quantities, and the constants and functions in them as controls.
+"""UFL forms as quantities; the constants and functions in them, and nodal positions, as controls.
 
-The derivative with respect to a constant c in the direction d is the integral of d(integrand)/dc .
-d, by a function that of UFL's Gateaux derivative. The transposed derivative with respect to a
-function f is the linear form of test functions of the space of f, and so is that with respect to
-the positions of the nodes, by UFL's coordinate derivative.
+The derivative with respect to a constant c in the direction d is the integral of
+d(integrand)/dc . d; that with respect to a function is UFL's Gateaux derivative. The transposed
+derivative with respect to a function f is the linear form of test functions of the space of f, and
+so is that with respect to the positions of the nodes, by UFL's coordinate derivative.
 
-**Constants and functions of UFL in the residual and in Dirichlet conditions, as controls.** The
-rows of free dofs change with the form r, those of prescribed dofs are u - g with the prescribed
-values g. A control m may occur in both:
-
-    (dR/dm) dm = dr/dm dm  at free dofs,    -dg/dm dm  at prescribed dofs.
-
-g contains copies of entries of m. They are identified by numbering the entries of m: later
-conditions on a dof then overwrite earlier ones as in a solve.
-
-Nodal positions of the mesh as a control: shape derivatives.
-
-Nodal values are constant while the nodes move. Residual and UFL objectives are differentiated by
-UFL's coordinate derivative. Contact depends only on the positions x = X + u, at the end of the step
-and in the state from which slip is counted.
+``read`` checks the arguments of a gradient, and converts constants, functions and forms of UFL to
+these controls and quantities.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -43,23 +31,20 @@ from ufl.algorithms import expand_derivatives
 from ufl.algorithms.map_integrands import map_integrands
 from ufl.corealg.traversal import unique_pre_traversal
 
-from fenics_mortar.bulk.checks import check_subdomains
+from fenics_mortar.bulk.checks import check_domain, check_subdomains
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.sensitivity.history import UNKNOWNS, PairOperator, check_exact, history_of
-from fenics_mortar.sensitivity.partials.fields import (
-    by_positions,
-    check_positions,
-    fields_by_state,
-)
-from fenics_mortar.sensitivity.protocols import Quantity, Values
+from fenics_mortar.sensitivity.partials.fields import by_positions, check_positions, fields_by_state
+from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Quantity, Values
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, check_same_texts, together
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.problem import ContactProblem
     from fenics_mortar.sensitivity.history import Before
+    from fenics_mortar.sensitivity.protocols import Control
     from fenics_mortar.utils.arrays import Array
 
 
@@ -68,7 +53,7 @@ _kept: WeakKeyDictionary[Bulk, dict[Any, Any]] = WeakKeyDictionary()
 
 
 def kept_for(bulk: Bulk, key: Any, make: Callable[[], Any]) -> Any:
-    """The object made earlier for a key, as an UFL object, or a new one (local)."""
+    """The object made earlier for a key, such as a UFL object, or a new one (local)."""
     kept = _kept.setdefault(bulk, {})
     if key not in kept:
         kept[key] = make()
@@ -267,6 +252,15 @@ class FormControl:
     Values have the shape of the constant and are replicated, or that of the owned dofs of the
     function. See ``Control`` for the methods.
 
+    It may occur in the residual and in Dirichlet conditions. The rows of free dofs change with the
+    form r, those of prescribed dofs are u - g with the prescribed values g. For a control m in
+    both:
+
+        (dR/dm) dm = dr/dm dm  at free dofs,    -dg/dm dm  at prescribed dofs.
+
+    g contains copies of entries of m. They are identified by numbering the entries of m: later
+    conditions on a dof then overwrite earlier ones as in a solve.
+
     Args:
         bulk: The bodies.
         data: The constant or function.
@@ -368,6 +362,11 @@ class FormControl:
 class NodalPositions:
     """Positions X of the nodes; all methods are collective.
 
+    Derivatives with respect to them are shape derivatives. Nodal values are constant while the
+    nodes move. Residual and UFL objectives are differentiated by UFL's coordinate derivative.
+    Contact depends only on the positions x = X + u, at the end of the step and in the state from
+    which slip is counted.
+
     Values are those of a displacement of the mesh at the owned dofs of ``u``, [length]. Prescribed
     values, loads, offsets, thickness and the choices at set-up do not move with the mesh. The
     displacement must be of degree 1, without further unknowns, on straight cells.
@@ -454,7 +453,7 @@ def contact_by_positions(problem: ContactProblem, before: Before = None) -> Pair
     Raises:
         MortarError: On all ranks, if contact depends on the undeformed mesh in other ways.
     """
-    history, matrices = history_of(problem, before), {}
+    history, matrices = history_of(problem.equations, before), {}
     for i, contact in enumerate(problem.equations.contacts):
         check_positions(contact)
         check_exact(contact)
@@ -466,7 +465,7 @@ def contact_by_positions(problem: ContactProblem, before: Before = None) -> Pair
 
 
 def free(e: ContactEquations, x: LinearVector) -> LinearVector:
-    """Zeros at prescribed dofs and motions: their rows contain no forces (local)."""
+    """``x`` with zeros at prescribed dofs and motions, whose rows contain no forces (local)."""
     prescribed = e.bulk.prescribed[: e.bulk.num_owned]
     u = None if x.u is None else np.where(prescribed, 0.0, x.u)
     return LinearVector(u, x.z, None if x.q is None else np.where(e.motions.driven, x.q, 0.0))
@@ -480,3 +479,133 @@ def _positions_in(form: ufl.Form, mesh: dmesh.Mesh) -> ufl.SpatialCoordinate:
     parts = (unique_pre_traversal(integral.integrand()) for integral in form.integrals())
     found = (p for p in chain.from_iterable(parts) if isinstance(p, ufl.SpatialCoordinate))
     return next(found, ufl.SpatialCoordinate(mesh))
+
+
+def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
+    """Controls; constants and functions are converted (local).
+
+    Raises:
+        ValueError: If an object is not a control, or a pair reads a constant or function.
+    """
+    return [_control_of(problem, control) for control in as_list(given)]
+
+
+def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
+    """Quantities; UFL forms are converted (local).
+
+    Raises:
+        ValueError: If an object is neither a quantity nor a form of rank 0.
+    """
+    return [_quantity_of(problem, quantity) for quantity in as_list(given)]
+
+
+def as_list(given: Any) -> list[Any]:
+    """A list of at least one object from one object or several (local).
+
+    Raises:
+        ValueError: If the list is empty.
+    """
+    found = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    if not found:
+        raise ValueError("an empty list: expected at least one control and one quantity")
+    return found
+
+
+def read(
+    problem: ContactProblem, objective: Any, controls: Any
+) -> tuple[list[Quantity], list[Control]]:
+    """Quantities and controls of a gradient; see ``gradient`` for the arguments (collective).
+
+    Raises:
+        ValueError: On all ranks, if an argument is of another type, or nothing depends on a
+            control.
+        MortarError: On all ranks, if number, kind or arguments of quantities or controls differ.
+    """
+    comm = problem.equations.comm
+    with together(comm, "gradient"):
+        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
+    given = {
+        "quantities": [_described(quantity) for quantity in quantities],
+        "controls": [f"{type(control).__name__} {control.name}" for control in made],
+    }
+    check_same_texts(comm, "gradient", given)
+    for control in made:
+        occurs = getattr(control, "occurs", True)
+        tests = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
+        if not occurs and not any(depends_on(control) for depends_on in tests):
+            raise ValueError(
+                f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
+                "on this control"
+            )
+    return quantities, made
+
+
+def _refuse_data_of_pairs(problem: ContactProblem, data: Any) -> None:
+    """Raise for a constant or function that a pair reads: its rows have no derivative by it.
+
+    Raises:
+        ValueError: If a pair reads it.
+    """
+    for contact in problem.equations.contacts:
+        pair: Any = contact.pair
+        read = [("jump", getattr(pair, "jump", None))]
+        read += [("temperature", heat.temperature) for heat in getattr(pair, "fluxes", ())]
+        read += getattr(getattr(pair, "law", None), "varying", {}).items()
+        for name, value in read:
+            if value is data:
+                raise ValueError(
+                    f"{data} is {name} of {pair!r}, by which a gradient has no derivative; "
+                    "parameters of laws are controls by sensitivity.LawParameter"
+                )
+
+
+def _control_of(problem: ContactProblem, control: Any) -> Control:
+    bulk = problem.equations.bulk
+    if control is bulk.u:
+        raise ValueError("the displacement is an unknown: expected a control on which it depends")
+    if isinstance(control, (fem.Constant, fem.Function)):
+        _refuse_data_of_pairs(problem, control)
+        return kept_for(bulk, control, lambda: FormControl(bulk, control))
+    if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
+        raise ValueError(
+            f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
+            f"package, e.g. LawParameter(0, 'mu')"
+        )
+    _check(control)
+    return control
+
+
+def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
+    bulk = problem.equations.bulk
+    if isinstance(quantity, ufl.Form):
+        if quantity.arguments():
+            raise ValueError(
+                f"the objective is a form with {len(quantity.arguments())} arguments: expected a "
+                "form without test functions"
+            )
+        check_domain("objective", quantity, bulk.V.ufl_domain())
+        return kept_for(bulk, quantity, lambda: FormQuantity(bulk, quantity))
+    if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
+        raise ValueError(
+            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, "
+            f"e.g. TotalForce(0, (0.0, 1.0))"
+        )
+    _check(quantity)
+    if isinstance(quantity, ContactQuantity):
+        quantity.check_dimension(bulk.space.dim)
+    return quantity
+
+
+def _check(given: Any) -> None:
+    """Check the arguments of a control or quantity, if it has a method for this (local)."""
+    check = getattr(given, "check", None)
+    if check is not None:
+        check()
+
+
+def _described(quantity: Any) -> list[Any]:
+    """Type and public arguments of a quantity, or of its parts, for a comparison (local)."""
+    if isinstance(quantity, Combined):
+        return [type(quantity).__name__, *map(_described, quantity.parts)]
+    public = {name: v for name, v in vars(quantity).items() if not name.startswith("_")}
+    return [type(quantity).__name__, public]

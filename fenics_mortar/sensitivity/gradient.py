@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Gradients by the adjoint method, backwards through the steps of a path.
+"""Derivatives of an objective along a path: by the adjoint method, and in one direction.
 
-With the equations R_k(s_k, s_{k-1}, m) = 0 of the steps k = 1..N, the quantities J_k and the
-objective f(J_1, ..., J_N), w_k = df/dJ_k,
+``gradient`` goes backwards through the steps by the adjoint method. With the equations
+R_k(s_k, s_{k-1}, m) = 0 of the steps k = 1..N, the quantities J_k and the objective
+f(J_1, ..., J_N), w_k = df/dJ_k,
 
     A_k^T y_k = w_k dJ_k/ds_k + w_{k+1} dJ_{k+1}/ds_k - (dR_{k+1}/ds_k)^T y_{k+1},
     df/dm = sum_k [w_k dJ_k/dm - (dR_k/dm)^T y_k],             A_k = dR_k/ds_k.
@@ -12,21 +13,13 @@ tangent per step gives the derivatives with respect to all controls. dR_{k+1}/ds
 partners, slip and shear of the accepted state; without friction it vanishes, and steps without
 weight are left out.
 
-An objective may be flat. If all nodes in contact stick in all steps, a larger friction limit
-changes nothing: the derivative is exactly zero in a whole region, and an optimizer that compares
-gradients with zero stops there. The same holds for all parameters of a pair without contact.
-
-**Paths of contact as functions for frameworks of automatic differentiation.** Such a framework
-needs a function and the product of a vector with its Jacobian (pullback): the methods of
-``Simulation``. ``to_autograd`` defines the function for autograd
-(https://github.com/HIPS/autograd).
-
-Derivatives in one direction of the controls, propagated forwards through the steps of a path.
-
-The derivatives s'_k of the states and f' of the objective along dm are, see ``gradient``,
+``tangent_linear`` goes forwards. The derivatives s'_k of the states and f' of the objective in one
+direction dm of the controls are
 
     A_k s'_k = -(dR_k/dm) dm - (dR_k/ds_{k-1}) s'_{k-1},
     f' = sum_k w_k [dJ_k/ds_k . s'_k + dJ_k/ds_{k-1} . s'_{k-1} + dJ_k/dm . dm].
+
+``Simulation`` is a path as a function of the controls, for frameworks of automatic differentiation.
 """
 
 from __future__ import annotations
@@ -44,24 +37,11 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import (
-    LawParameter,
-    as_list,
-    controls_of,
-    dot,
-    explicit,
-    quantities_of,
-    read,
-)
-from fenics_mortar.sensitivity.forms import put_owned
+from fenics_mortar.sensitivity.controls import LawParameter, dot, explicit
+from fenics_mortar.sensitivity.forms import as_list, controls_of, put_owned, quantities_of, read
 from fenics_mortar.sensitivity.history import Before, Memories, StepHistory, StepMemory, added
-from fenics_mortar.sensitivity.objective import (
-    RecordedPath,
-    evaluate,
-    find_kinks,
-    last,
-    total,
-)
+from fenics_mortar.sensitivity.objective import RecordedPath, evaluate, find_kinks, last, total
+from fenics_mortar.sensitivity.protocols import memory_by
 from fenics_mortar.utils.errors import MortarError, together
 from fenics_mortar.utils.ranks import agreed
 
@@ -215,9 +195,9 @@ def visit(path: RecordedPath, number: int) -> tuple[Before, StepMemory]:
         derivatives of the memory of laws.
     """
     path.go_to(number)
-    state = path.before(number)
-    before = StepHistory(path.problem, state) if number and state is not None else state
-    return before, StepMemory(path.problem, before)
+    state, equations = path.before(number), path.problem.equations
+    before = StepHistory(equations, state) if number and state is not None else state
+    return before, StepMemory(equations, before)
 
 
 def _solved(problem: ContactProblem, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
@@ -256,7 +236,7 @@ def _backwards(
         for parts, control in zip(by_step, controls, strict=True):
             change = -control.vjp(problem, y, before)
             if by_memory:
-                change = change + memory.by_control(control).T @ by_memory
+                change = change + memory_by(problem, memory, control).T @ by_memory
             for weight, quantity in weighted:
                 change = change + weight * explicit(problem, quantity, control, before)
             parts.insert(0, change)
@@ -287,6 +267,11 @@ def flat_remarks(
     by_step: Sequence[Sequence[Array]],
 ) -> tuple[str, ...]:
     """Describe parameters of laws whose derivative is zero in a whole region (local).
+
+    An objective may be flat. If all nodes in contact stick in all steps, a larger friction limit
+    changes nothing: the derivative is exactly zero in a whole region, and an optimizer that
+    compares gradients with zero stops there. The same holds for all parameters of a pair without
+    contact.
 
     Args:
         contacts: The pairs.
@@ -324,6 +309,9 @@ class Simulation:
     """Values of quantities in the steps of a path, as a function of the values of controls.
 
     All methods are collective; values of functions are those of the owned dofs.
+
+    Frameworks of automatic differentiation need a function and the product of a vector with its
+    Jacobian (pullback): the methods of this class.
 
     Args:
         problem: The problem.
@@ -397,7 +385,10 @@ class Simulation:
 
 
 def to_autograd(simulation: Simulation) -> Any:
-    """Convert a simulation to a function of autograd, which must be installed (local)."""
+    """Convert a simulation to a function of autograd, which must be installed (local).
+
+    See https://github.com/HIPS/autograd.
+    """
     from autograd.extend import defvjp, primitive
 
     def rule(i: int) -> Callable[..., Any]:
@@ -524,7 +515,7 @@ def _forwards(
         states.append(_solved(problem, forces * -1.0))
         if number < len(path.steps) - 1:
             by_states = [memory.by_state @ states[-1], memory.by_earlier @ earlier]
-            by_controls = [memory.by_control(control) @ dm for control, dm in pairs]
+            by_controls = [memory_by(problem, memory, control) @ dm for control, dm in pairs]
             dh = added(*by_states, memory.by_before @ dh, *by_controls)
         for i, quantity in enumerate(quantities):
             change = quantity.gradient(problem, before).dot(states[-1], problem.equations.comm)

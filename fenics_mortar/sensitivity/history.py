@@ -7,11 +7,8 @@ propagated forwards, gradients with respect to the memory backwards. Both are di
 replicated arrays by the number of the pair, with the names of the memory of each slave node;
 without laws with memory they are empty.
 
-Linear operators that act on each pair of a problem by a small matrix.
-
-Vectors of a problem are restricted to its pairs, multiplied by the matrices of the pairs, and the
-products are collected to a vector of the problem. Collecting is the transpose of restricting;
-therefore the transposed operator has the transposed matrices and the two kinds of vectors swapped.
+``StepHistory`` has the derivatives with respect to the state before, ``StepMemory`` those of the
+memory, both by a ``PairOperator`` with a small matrix for each pair.
 """
 
 from __future__ import annotations
@@ -45,7 +42,6 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.equations.general import ContactEquations, State
-    from fenics_mortar.problem import ContactProblem
     from fenics_mortar.sensitivity.partials.history import PairHistory
 
 
@@ -64,7 +60,12 @@ class Vectors:
 
 @dataclass(frozen=True)
 class PairOperator:
-    """Operator with one matrix for each pair, and its transpose; see ``pair_vectors``.
+    """Operator with one matrix for each pair, and its transpose.
+
+    Vectors of a problem are restricted to its pairs, multiplied by the matrices of the pairs, and
+    the products are collected to a vector of the problem. Collecting is the transpose of
+    restricting; therefore the transposed operator has the transposed matrices and the two kinds of
+    vectors swapped.
 
     Attributes:
         equations: The equations.
@@ -92,15 +93,9 @@ class PairOperator:
         return PairOperator(self.equations, matrices, self.target, self.source)
 
 
-def _motions_of(equations: ContactEquations, contact: Any) -> tuple[int, Array]:
-    """Number of a pair's obstacle; motions per value of its place, (m,) [1, length] (local)."""
-    number = equations.motions.obstacles.index(contact.obstacle)
-    return number, equations.motions.scales[number]
-
-
 def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> Array:
     """Values of a vector at pair ``i``, see ``partials.fields`` (collective)."""
-    contact = equations.contacts[i]
+    contact, motions = equations.contacts[i], equations.motions
     layout = Layout(contact)
     values = np.zeros(layout.size)
     if x.u is not None:
@@ -108,9 +103,8 @@ def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> Array:
         values[layout.on_master] = contact.master.gather(x.u).ravel()
     if x.z is not None:
         values[layout.z] = x.z[i].ravel()
-    if contact.obstacle is not None and x.q is not None:
-        number, scales = _motions_of(equations, contact)
-        values[layout.motion] = x.q[number] * scales
+    if x.q is not None:
+        values[layout.motion] = motions.of_obstacle(contact, x.q * motions.scales)
     return values
 
 
@@ -118,7 +112,8 @@ def from_pairs(equations: ContactEquations, parts: dict[int, Array]) -> LinearVe
     """Sum of values at pairs: transpose of ``at_pair``; without parts if there are none (local)."""
     if not parts:
         return LinearVector()
-    u, q = np.zeros(equations.bulk.num_owned), np.zeros(equations.motions.scales.shape)
+    motions = equations.motions
+    u, q = np.zeros(equations.bulk.num_owned), np.zeros(motions.scales.shape)
     z = [np.zeros_like(contact.z) for contact in equations.contacts]
     for i, values in parts.items():
         contact = equations.contacts[i]
@@ -126,10 +121,8 @@ def from_pairs(equations: ContactEquations, parts: dict[int, Array]) -> LinearVe
         contact.slave.scatter_add(values[layout.on_slave].reshape(-1, layout.dim), u)
         contact.master.scatter_add(values[layout.on_master].reshape(-1, layout.dim), u)
         z[i] = values[layout.z].reshape(contact.z.shape)
-        if contact.obstacle is not None:
-            number, scales = _motions_of(equations, contact)
-            q[number] += values[layout.motion] * scales
-    return LinearVector(u, z, q)
+        motions.of_obstacle(contact, q)[...] += values[layout.motion]
+    return LinearVector(u, z, q * motions.scales)
 
 
 def _rows_at(_: ContactEquations, i: int, x: LinearVector) -> Array | None:
@@ -236,7 +229,7 @@ class StepHistory:
     sticks. Active sets are fixed, and so is the memory of laws, see ``StepMemory``.
 
     Args:
-        problem: The problem, at the end of a step, with operators of the linearization ``EXACT``.
+        e: The equations, at the end of a step, with operators of the linearization ``EXACT``.
         before: Accepted state at the start of the step.
 
     Attributes:
@@ -248,8 +241,7 @@ class StepHistory:
             move of a body or of an obstacle before the solve; or if operators lack derivatives.
     """
 
-    def __init__(self, problem: ContactProblem, before: State) -> None:
-        e = problem.equations
+    def __init__(self, e: ContactEquations, before: State) -> None:
         self.pairs: dict[int, PairHistory] = {}
         for i, contact in enumerate(e.contacts):
             if isinstance(contact, Contact) and has_history(contact):
@@ -263,74 +255,56 @@ class StepHistory:
 Before: TypeAlias = "State | StepHistory | None"
 
 
-def history_of(problem: ContactProblem, before: Before) -> StepHistory | None:
+def history_of(e: ContactEquations, before: Before) -> StepHistory | None:
     """The ``StepHistory`` of a state before (collective).
 
     Raises:
         MortarError: If there is friction and no state is given.
     """
     if before is None:
-        for contact in problem.equations.contacts:
+        for contact in e.contacts:
             if has_history(contact):
                 raise MortarError(
                     f"the slip of {contact.pair!r} depends on the control through the state before:"
                     " expected before=..."
                 )
         return None
-    return before if isinstance(before, StepHistory) else StepHistory(problem, before)
+    return before if isinstance(before, StepHistory) else StepHistory(e, before)
 
 
 class StepMemory:
     """Derivatives of the memory of all pairs in a step; constructor and methods are collective.
 
     Args:
-        problem: The problem, at the end of a step, evaluated with ``EXACT``.
+        e: The equations, at the end of a step, evaluated with ``EXACT``.
         before: ``StepHistory`` of the step; any other value if the state before is fixed.
 
     Attributes:
+        pairs: Derivatives of the pairs whose laws have memory, by their numbers.
+        before: As given.
         residuals: Derivative of the residuals with respect to the memory before.
         by_before: Derivative of the memory with respect to the memory before.
         by_state: Derivative of the memory with respect to the state at the end of the step.
         by_earlier: Derivative of the memory with respect to the state before.
     """
 
-    def __init__(self, problem: ContactProblem, before: Before) -> None:
-        e, history = problem.equations, before.pairs if isinstance(before, StepHistory) else {}
-        self._problem, self._before = problem, before
-        self._pairs = {
+    def __init__(self, e: ContactEquations, before: Before) -> None:
+        history = before.pairs if isinstance(before, StepHistory) else {}
+        self.before = before
+        self.pairs = {
             i: memory_of_pair(contact)
             for i, contact in enumerate(e.contacts)
             if isinstance(contact, Contact) and contact.pair.law.memory
         }
-        rows = {i: pair.rows for i, pair in self._pairs.items()}
-        own = {i: pair.by_before for i, pair in self._pairs.items()}
-        by = {i: pair.by_fields for i, pair in self._pairs.items()}
+        rows = {i: pair.rows for i, pair in self.pairs.items()}
+        own = {i: pair.by_before for i, pair in self.pairs.items()}
+        by = {i: pair.by_fields for i, pair in self.pairs.items()}
         by_state = {i: through_fields(by[i], fields_by_state(e.contacts[i], by[i])) for i in by}
         by_earlier = {i: through_fields(by[i], history[i].fields) for i in by if i in history}
         self.residuals = PairOperator(e, rows, BY_PAIR, ROWS)
         self.by_before = PairOperator(e, own, BY_PAIR, BY_PAIR)
         self.by_state = PairOperator(e, by_state, UNKNOWNS, BY_PAIR)
         self.by_earlier = PairOperator(e, by_earlier, UNKNOWNS, BY_PAIR)
-
-    def by_control(self, control: Any) -> PairOperator:
-        """Derivative of the memory with respect to a control at fixed states.
-
-        Raises:
-            MortarError: If a law has memory, and the control has no derivative of it.
-        """
-        problem, pairs = self._problem, getattr(control, "pairs", None)
-        if pairs is None and self._pairs:
-            raise MortarError(
-                f"{control.name}: no derivative through the memory of the law of pair "
-                f"{min(self._pairs)}; expected a law without memory, or another control"
-            )
-        found = {
-            i: control.memory(problem, i, self._pairs[i], self._before)
-            for i in (pairs(problem) if pairs else ())
-            if i in self._pairs
-        }
-        values = values_of(control.get(problem).shape)
-        return PairOperator(problem.equations, found, values, BY_PAIR)
 
 
 def added(*memories: Memories) -> Memories:
@@ -355,9 +329,8 @@ def fields_before(e: ContactEquations, i: int, contact: Contact, before: State) 
     Raises:
         MortarError: On all ranks, if slip is counted from another state.
     """
-    state, obstacle = before.interfaces[i], contact.obstacle
-    place: Any = None if obstacle is None else before.places[e.motions.obstacles.index(obstacle)]
-    with at_place(obstacle, place):
+    state = before.interfaces[i]
+    with at_place(contact.obstacle, e.motions.of_obstacle(contact, before.places)):
         operators, _ = copy(contact.evaluation).evaluate(before.u, state, EXACT)
         then: ContactFields = type(contact.now)(contact, state, operators)
         found = find_partners(then)

@@ -1,32 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Objectives of a path: recorded steps, functions of the values in all steps, kinks.
+"""Recorded paths, objectives as functions of the values in their steps, and kinks.
 
-**Objectives of a path as functions of the values of quantities in its steps.** Such a function
-takes the values, shape (steps, quantities), and returns the objective and its derivatives with
-respect to the values, of the same shape. It is local and must return equal numbers on all ranks.
+``RecordedPath`` has the accepted states of a path, with the loads and data of the solves.
+``evaluate`` gives an objective with the values of the quantities, and ``find_kinks`` the distances
+of the states from the next change of active sets and branches.
 
-Accepted states of a path, with the loads and data of the solves.
-
-Derivatives are those of a solution. At a state for other loads, materials or laws than the present
-ones they would be wrong without any indication; such a state is not recorded.
-
-Distance of a state from the next change of its active sets and branches, and flat objectives.
-
-The converged state is differentiable where no set changes. At a kink, the derivatives are those of
-the sets of the state: an element of Clarke's generalized derivative. The distances from a kink are
-
-================  ==========================================================
-node              distance [1]
-================  ==========================================================
-active            (z_n + a) / largest pressure of the pair
-open              mean gap / nodal length
-sticking          (b - abs(z_tau)) / b, friction limit b
-sliding           slip / nodal length
-================  ==========================================================
-
-and zero where the cover of a node is at the limit for a multiplier. A node is undecided if its
-distance is at most ``laws.KINK``. Distances of sticking and sliding nodes are known for laws with a
-friction limit that is reached in sliding (``Friction``).
+An objective of a path is a function of the values of quantities in its steps. It takes the values,
+shape (steps, quantities), and returns the objective and its derivatives with respect to the values,
+of the same shape. It is local and must return equal numbers on all ranks.
 """
 
 from __future__ import annotations
@@ -44,7 +25,7 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.checks import refuse_history
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law import KINK, Friction
+from fenics_mortar.contact.law import GRAZE, KINK, Friction
 from fenics_mortar.equations.general import Snapshot, State, raise_cause, restored_if_interrupted
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
@@ -218,6 +199,9 @@ class RecordedPath:
 def check_solved(problem: ContactProblem) -> None:
     """Reject a state that is not a solution; one evaluation of the residual (collective).
 
+    Derivatives are those of a solution. At a state for other loads, materials or laws than the
+    present ones they would be wrong without any indication; such a state is not recorded.
+
     Raises:
         MortarError: On all ranks, if the last solve failed, or if displacement, loads, prescribed
             values, material or law were changed after it.
@@ -372,6 +356,23 @@ Change = Literal["opens", "closes", "slides", "sticks", "cover"]
 class Kink:
     """The node of a pair and step closest to a change of a set; local.
 
+    The converged state is differentiable where no set changes. At a kink, the derivatives are those
+    of the sets of the state: an element of Clarke's generalized derivative. The distances from a
+    kink are
+
+    ================  ==========================================================
+    node              distance [1]
+    ================  ==========================================================
+    active            (z_n + a) / largest pressure of the pair
+    open              mean gap / nodal length
+    sticking          (b - abs(z_tau)) / b, friction limit b
+    sliding           slip / nodal length
+    ================  ==========================================================
+
+    and zero where the cover of a node is at the limit for a multiplier. A node is undecided if its
+    distance is at most ``contact.law.KINK``. Distances of sticking and sliding nodes are known for
+    laws with a friction limit that is reached in sliding (``Friction``).
+
     Attributes:
         distance: Distance from the change [1].
         step: Number of the step.
@@ -430,6 +431,8 @@ def _distances(contact: Contact) -> dict[Change, Array]:
     rounding = LAST_DIGITS * contact.stiffness  # as in the active-set test
     pressure = np.where(np.abs(now.tension) <= rounding, 0.0, np.abs(now.tension))
     largest = float(pressure.max(initial=0.0)) or 1.0
+    grazes = active & law.grazes & (np.abs(contact.branch) == GRAZE)
+    pressure = np.where(grazes, np.abs(now.z_tau), pressure)
     undecided = np.zeros(active.size, bool)
     undecided[contact.undecided] = True
     found: dict[Change, tuple[Flags, Array]] = {
@@ -441,6 +444,6 @@ def _distances(contact: Contact) -> dict[Change, Array]:
         limit = np.asarray(now.friction_limit(now.z_n))
         limited = active & (limit > 0.0) & np.isfinite(limit)
         shear = np.abs(now.z_tau) / np.where(limited, limit, 1.0)
-        found["slides"] = limited & now.sticking, np.abs(1.0 - shear)
+        found["slides"] = limited & (now.sticking | grazes), np.abs(1.0 - shear)
         found["sticks"] = limited & now.sliding, np.abs(now.slip) / now.nodal_lengths
     return {change: np.where(*where, np.inf) for change, where in found.items()}

@@ -1,21 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Quantities and controls: what is differentiated, and by what; base classes of those of pairs.
+"""Quantities and controls: what is differentiated, and by what; the quantities of contact.
 
-**The protocol of controls, and the base class of those that act on pairs of surfaces.** A control
-has the derivative of the residuals of one step, with the rows and units of
-``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
-
-Quantities of contact as objectives: forces, pressures, gaps, friction work, contact lengths.
-
-Nodal quadrature with the weights w_j, the integrals of the multiplier functions over the current
-surface and the thickness, gives int f(p) = sum_j w_j f(p_j); it is exact for f = p. Derivatives are
-taken at fixed sets, at the present state of the problem, which must be evaluated with ``EXACT``.
-In space integrals are over areas: units are those with a thickness.
-All values are equal on all ranks; all methods but constructors and operators are collective.
-
-Sums, products with numbers, and powers of quantities are quantities:
-
->>> misfit = (TotalForce(0, (0.0, 1.0)) - 12.5) ** 2 + 0.1 * FrictionWork(0)
+``Quantity`` and ``Control`` are the protocols, ``PairQuantity`` and ``PairControl`` base classes of
+those that act on pairs of surfaces. Quantities of contact are forces, pressures, gaps, friction
+work and contact lengths. Their derivatives are taken at fixed sets, at the present state of the
+problem, which must be evaluated with ``EXACT``. In space integrals are over areas: units are those
+with a thickness. All values are equal on all ranks; all methods but constructors and operators are
+collective.
 """
 
 from __future__ import annotations
@@ -30,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import SpaceFields
+from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.obstacles.rigid_motion import check_direction, check_vector
 from fenics_mortar.sensitivity.history import (
+    BY_PAIR,
     ROWS,
     Before,
     OfPair,
@@ -45,19 +36,14 @@ from fenics_mortar.sensitivity.history import (
     interface_of,
     values_of,
 )
-from fenics_mortar.sensitivity.partials.fields import (
-    fields_by_state,
-    moment,
-    moment_gradient,
-    rows_by_fields,
-    through_fields,
-)
+from fenics_mortar.sensitivity.partials import fields
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import MortarError, check_number
+from fenics_mortar.utils.errors import MortarError, check_direction, check_number, check_vector
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.problem import ContactProblem
+    from fenics_mortar.sensitivity.history import StepMemory
     from fenics_mortar.sensitivity.partials.fields import Changes, Matrix
     from fenics_mortar.sensitivity.partials.history import PairMemory
 
@@ -99,7 +85,12 @@ class Quantity(Protocol):
 
 
 class ContactQuantity(Quantity):
-    """Base class of the quantities of contact."""
+    """Base class of the quantities of contact.
+
+    Sums, products with numbers, and powers of quantities are quantities:
+
+    >>> misfit = (TotalForce(0, (0.0, 1.0)) - 12.5) ** 2 + 0.1 * FrictionWork(0)
+    """
 
     def check(self) -> None:
         """Check the arguments, in a call made on all ranks (local).
@@ -216,12 +207,12 @@ class PairQuantity(OfPair, ContactQuantity):
         if isinstance(contact, Contact):
             check_exact(contact)
         by = self._of(contact)[1]
-        return through(by, fields_by_state(contact, by))
+        return through(by, fields.fields_by_state(contact, by))
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
         """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
         by = self._of(interface_of(problem.equations, self.pair))[1]
-        history = history_of(problem, before) if {"slip", "rubbing"} & set(by) else None
+        history = history_of(problem.equations, before) if {"slip", "rubbing"} & set(by) else None
         if history is None or self.pair not in history.pairs:
             return None
         gradient = through(by, history.pairs[self.pair].fields)
@@ -253,6 +244,9 @@ def through(by: ByFields, changes: Changes) -> Array:
 
 class Control(Protocol):
     """Values on which a solution depends.
+
+    A control has the derivative of the residuals of one step, with the rows and units of
+    ``equations.linearized``, at fixed displacement, multipliers, active sets, and state before.
 
     Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
     ``before``, at the start of the step, which is needed if slip depends on the control through
@@ -298,6 +292,26 @@ class Control(Protocol):
         """
 
 
+def memory_by(problem: ContactProblem, step: StepMemory, control: Any) -> PairOperator:
+    """Derivative of the memory of a step with respect to a control at fixed states (collective).
+
+    Raises:
+        MortarError: If a law has memory, and the control has no derivative of it.
+    """
+    pairs = getattr(control, "pairs", None)
+    if pairs is None and step.pairs:
+        raise MortarError(
+            f"{control.name}: no derivative through the memory of the law of pair "
+            f"{min(step.pairs)}; expected a law without memory, or another control"
+        )
+    found = {
+        i: control.memory(problem, i, step.pairs[i], step.before)
+        for i in (pairs(problem) if pairs else ())
+        if i in step.pairs
+    }
+    return PairOperator(problem.equations, found, values_of(control.get(problem).shape), BY_PAIR)
+
+
 class PairControl(OfPair, Control):
     """Control of m numbers that acts on the rows of pairs, by nodal fields unless overridden.
 
@@ -334,7 +348,9 @@ class PairControl(OfPair, Control):
                 "those by constants and functions of the residual, parameters of laws, obstacles' "
                 "motions and ConductanceScale are available"
             )
-        return through_fields(rows_by_fields(contact), self.fields(problem, i, before))
+        return fields.through_fields(
+            fields.rows_by_fields(contact), self.fields(problem, i, before)
+        )
 
     def memory(
         self, problem: ContactProblem, i: int, memory: PairMemory, before: Before = None
@@ -351,7 +367,7 @@ class PairControl(OfPair, Control):
             Shape (slave nodes * names of the memory, m) [units of the memory over those of the
             values].
         """
-        return through_fields(memory.by_fields, self.fields(problem, i, before))
+        return fields.through_fields(memory.by_fields, self.fields(problem, i, before))
 
     def residuals(self, problem: ContactProblem, before: Before = None) -> PairOperator:
         """Derivative of the residuals of ``problem``, of any shape [any] (collective).
@@ -428,14 +444,17 @@ class Moment(PairQuantity):
 
         No control changes the moment at a fixed state.
         """
-        return moment(contact, *self._line(contact.slave.dim)), {}
+        return fields.moment(contact, *self._line(contact.slave.dim)), {}
 
     def _by_state(self, contact: Interface) -> Array:
-        return moment_gradient(contact, *self._line(contact.slave.dim))
+        return fields.moment_gradient(contact, *self._line(contact.slave.dim))
 
 
 class PressureFunctional(PairQuantity):
     """Integral of a function of the pressure over the slave, sum_j w_j f(p_j).
+
+    Nodal quadrature with the weights w_j, the integrals of the multiplier functions over the
+    current surface and the thickness, gives int f(p) = sum_j w_j f(p_j); it is exact for f = p.
 
     Args:
         pair: Number of the pair.

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Types of arrays, and arrays that are values.
+"""Arrays: types, read-only values, tolerances; points and segments near each other in the plane.
 
-Relative differences below which numbers are considered equal.
-
-Points near each other, and straight line segments that intersect, in the plane.
+The tolerances are relative differences below which numbers are considered equal.
 """
 
 from __future__ import annotations
@@ -62,6 +60,11 @@ def summed(values: Array, numbers: Indices, size: int) -> Array:
 def norms(vectors: Array) -> Array:
     """Lengths (n,) of vectors (n, 2) or (n, 3) [their unit] (local)."""
     return np.hypot(*vectors.T) if vectors.shape[1] == 2 else np.linalg.norm(vectors, axis=1)
+
+
+def at_rows(record: Any, rows: Flags | Indices) -> Any:
+    """A record (named tuple) of arrays (n, ...) with some of their ``rows`` (local)."""
+    return type(record)(*(values[rows] for values in record))
 
 
 def values_at(wanted: Indices, keys: Indices, values: npt.NDArray[Any], missing: int) -> Any:

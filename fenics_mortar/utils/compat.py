@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""All differences between dolfinx 0.5.2, 0.9 and 0.11.
+"""All differences between dolfinx 0.5.2, 0.9 and 0.11, and what petsc4py leaves to its users.
 
 Functions check the interface (``hasattr``, ``callable``), never a version number, so that other
 releases work if their interface agrees. Docstrings name the release of each change.
 
-What petsc4py leaves to its users: functions of PETSc, and the release of unreferenced objects.
-
-Functions that petsc4py does not wrap, or in its newest versions only, are called through ctypes
-from the library that it has loaded. Unreferenced objects can only be freed by collective calls.
+``petsc_function`` gives functions of PETSc, ``free_garbage`` releases unreferenced objects.
 """
 
 from __future__ import annotations
@@ -54,6 +51,9 @@ _kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
 
 def petsc_function(name: str, *types: Any, checked: bool = True) -> Any:
     """A function of PETSc (local).
+
+    Functions that petsc4py does not wrap, or in its newest versions only, are called through ctypes
+    from the library that it has loaded.
 
     Args:
         name: Its name.

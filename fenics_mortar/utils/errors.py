@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The exceptions of the package, and functions to raise them on all ranks together.
+"""The exceptions of the package, raised on all ranks together, and checks of users' options.
 
-Among them: features that are not yet available in three dimensions.
-
-Checks of user options: an error names the option, its value and the expected one.
+``raise_together`` and ``together`` raise an error of one rank on all of them. In checks such as
+``check_number`` an error names the option, its value and the expected one; ``refuse_in_space`` is
+for features that are not yet available in three dimensions.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class NotConvergedError(MortarError):
             report.converged, report.reason = False, message
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """How a pickle makes it again (local)."""
+        """Function and arguments with which a pickle makes it again (local)."""
         return NotConvergedError, (str(self), self.report)
 
 
@@ -346,3 +346,60 @@ def check_no_effect(owner: str, given: Any, names: Iterable[str], cure: str) -> 
     found = sorted(vars(given).keys() & set(names))
     if found:
         raise ValueError(f"{found[0]} of {owner} was set, which has no effect: {cure}")
+
+
+def check_floats(name: str, values: Any) -> npt.NDArray[np.float64]:
+    """Copy of an array of real numbers, of any shape [any unit] (local).
+
+    Raises:
+        ValueError: If the values are not real numbers.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name}={values!r}: expected real numbers")
+    return np.array(array, float)
+
+
+def check_finite(name: str, value: Any, expected: str = "a finite number") -> float:
+    """A finite number [any unit], which messages call ``expected`` (local).
+
+    Raises:
+        ValueError: For other values.
+    """
+    check_number(name, value, expected, np.isfinite)
+    return float(value)
+
+
+def check_vector(name: str, value: npt.ArrayLike, *dims: int) -> npt.NDArray[np.float64]:
+    """Copy of a finite vector [any unit] (local).
+
+    Args:
+        name: Name of the option.
+        value: Its value.
+        dims: Allowed numbers of components; 2 by default.
+
+    Raises:
+        ValueError: For other values.
+    """
+    vector, sizes = check_floats(name, value), dims or (2,)
+    if vector.ndim != 1 or vector.size not in sizes or not np.isfinite(vector).all():
+        words = " or ".join({2: "two", 3: "three"}[size] for size in sizes)
+        raise ValueError(f"{name}={value!r}: expected {words} finite numbers")
+    return vector
+
+
+def check_direction(name: str, value: npt.ArrayLike, dim: int = 3) -> npt.NDArray[np.float64]:
+    """The unit vector along a vector that is not zero, shape (dim,) [1] (local).
+
+    Args:
+        name: Name of the option.
+        value: Its value, of any length.
+        dim: Number of its components.
+
+    Raises:
+        ValueError: For other values.
+    """
+    vector = check_vector(name, value, dim)
+    if not np.linalg.norm(vector) > 0.0:
+        raise ValueError(f"{name} is zero; expected a direction")
+    return np.asarray(vector / np.linalg.norm(vector))

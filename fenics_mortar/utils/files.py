@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Output: files that some ranks read and write, with errors raised on all ranks; Markdown."""
+"""Files that some ranks read and write, with errors raised on all ranks; Markdown."""
 
 from __future__ import annotations
 

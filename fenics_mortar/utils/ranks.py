@@ -2,8 +2,8 @@
 """Values combined over ranks, of one type and equal on all of them.
 
 A typed reduction needs arrays of one type on all ranks, but numpy's sums and counts of nothing are
-integers: a rank without cells or segments would add bytes of another type, or the others wait for
-ever. No other module of the package calls MPI's typed reductions.
+integers: a rank without cells or segments would add bytes of another type, or the others would
+wait forever. No other module of the package calls MPI's typed reductions.
 """
 
 from __future__ import annotations

@@ -6,23 +6,8 @@ satisfies the conditions of contact is measured here from the state alone: balan
 master and of reactions and loads, signs, complementarity, penetration between the nodes, nodes
 inside another body without a partner, and crossing outlines, whether or not a pair covers them.
 Errors at corners, which all these conditions may miss, are estimated in ``corners``.
-
-Bodies that pressures on the covered parts of their surfaces cannot balance.
-
-If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body would
-tip over the edge. If an obstacle is sharper than a facet, see ``corners``, nodes on both
-sides of its tip support the body sideways. Whether pressures can balance the body is decided by
-limit analysis with the rigid motions of floating bodies and the loads on them. Pressures act at the
-ends of the segments beside touching nodes instead of at these nodes, on an obstacle at the points
-of the facets that touch it. In space they act at the corners of the covered parts of facets, and
-bodies that touch on facets that are covered in part are judged. All assumptions overestimate the
-limit load: friction is doubled and covers small errors of the normals, nodes that nearly touch are
-included, and the ends of segments are moved outward by the distance that causes only a remark;
-obstacles touch within this distance.
-
-In space the multiplier of a node beside a facet that is covered in part acts within that part, but
-its resultant may act beyond it. Where all facets beside touching nodes are covered wholly, the
-limit analysis before the solve has used the same points.
+``tipping_bodies`` finds bodies that pressures on the covered parts of their surfaces cannot
+balance.
 """
 
 from __future__ import annotations
@@ -39,10 +24,10 @@ from fenics_mortar.contact.rows import strength
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.reference import tabulate
 from fenics_mortar.interface.space_mortar import SpaceOperators
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.rigid.body_motions import names_of
 from fenics_mortar.rigid.complementarity import Touching, nearly_touching
 from fenics_mortar.rigid.floating import moved_by_loads
-from fenics_mortar.rigid.proximal import RIGID
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
 from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.utils.ranks import agreed, from_all_ranks
@@ -127,10 +112,11 @@ class Certificate(Markdown):
             is in equilibrium, but may not be reached by a path of equilibria.
         crossings: Crossings of outlines.
         passages: Bodies that passed through each other during the step, as messages.
-        possible_passages: Passages on motions that the ends of the step do not tell, as messages.
-        uncertain_turns: Turns by prescribed values that the ends of the step do not tell, likewise.
+        possible_passages: Passages on motions that the ends of the step do not determine, likewise.
+        uncertain_turns: Turns by prescribed values that these do not determine, likewise.
         tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
-        unsupported: Bodies that nothing holds and their free motions, as messages.
+        unsupported: Bodies that nothing holds and their free motions, and those in which nothing
+            determines the level of a scalar field, as messages.
         inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
         rounded: Bodies whose reactions are inexact by rounding, as messages.
         dim: Dimension of the bodies.
@@ -346,7 +332,7 @@ def partly_covered(bodies: BodyMotions) -> list[str]:
 
 
 def _partly(o: SpaceOperators) -> Flags:
-    """Facets of this share of which a part has no partner, but not the whole, (f,) (local)."""
+    """Facets of this rank's share that have a partner on a part only, (f,) (local)."""
     return ~o.moments.complete & o.moments.De.any(axis=1)
 
 
@@ -360,6 +346,10 @@ def points_in_space(bodies: BodyMotions, contact: Contact, near: Flags) -> Place
 
     On facets that are covered in part these are the corners of the covered parts, moved outward by
     the distance that causes only a remark; else, and on obstacles, the nodes.
+
+    In space the multiplier of a node beside a facet that is covered in part acts within that part,
+    but its resultant may act beyond it. Where all facets beside touching nodes are covered wholly,
+    the limit analysis before the solve has used the same points.
     """
     of_slave, of_master = bodies.parts_of(contact.slave), bodies.parts_of(contact.master)
     o, own = contact.operators, contact.slave.owned
@@ -396,6 +386,17 @@ def tipping_bodies(
     bodies: BodyMotions, pairs: Sequence[PairCertificate], pushed: Array
 ) -> list[str]:
     """Describe floating bodies that would tip over an edge (collective).
+
+    If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body
+    would tip over the edge. If an obstacle is sharper than a facet, see ``corners``, nodes on both
+    sides of its tip support the body sideways. Whether pressures can balance the body is decided by
+    limit analysis with the rigid motions of floating bodies and the loads on them. Pressures act at
+    the ends of the segments beside touching nodes instead of at these nodes, on an obstacle at the
+    points of the facets that touch it. In space they act at the corners of the covered parts of
+    facets, and bodies that touch on facets that are covered in part are judged. All assumptions
+    overestimate the limit load: friction is doubled and covers small errors of the normals, nodes
+    that nearly touch are included, and the ends of segments are moved outward by the distance that
+    causes only a remark; obstacles touch within this distance.
 
     Args:
         bodies: The bodies, with the bulk residual and all contacts at the present state.

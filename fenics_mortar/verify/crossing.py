@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Crossed surfaces: overlapping outlines in a state, and passages of nodes in a step.
+"""Crossed surfaces: bodies that overlap in a state, and passages of nodes in a step.
 
 After each solve all exterior facets of the bodies in pairs are checked, against other bodies and
-their own body, independently of the search for partners.
+their own body, independently of the search for partners; in the plane by ``Crossings``, in space by
+``SpaceCrossings``.
 
 **State**: depth of two outlines in each other where they cross, in facets. Faceted curves in
 contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
@@ -14,12 +15,6 @@ the limits are those of the penetration of a pair, and smaller without a pair: `
 Cost on two blocks (``demos.studies.performance.crossing``): 0.9 ms with 10,500 unknowns (1.9 % of a
 Newton iteration), 2.6 ms with 161,000 (0.4 %), and about as much for the step. Many bodies cost
 more: 30 bricks with 1,200 segments 10 ms.
-
-Crossed surfaces in space: bodies that overlap in a state, and passages in a step.
-
-Depths and limits have the same meaning: after each solve the hulls of all bodies in pairs are
-checked, independently of the search for partners. ``space_admitted`` finds the points inside bodies
-and the depths that the discretization admits, ``space_obstacles`` obstacles.
 """
 
 from __future__ import annotations
@@ -38,19 +33,16 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import extract_hull, extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import depths_inside
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, at_rows
 from fenics_mortar.utils.errors import MeshError, format_point
 from fenics_mortar.verify.finding import LIMITS, Crossing, paired_nodes
-from fenics_mortar.verify.node_paths import (
-    AcceptedPositions,
-    LedBodies,
-    StepEnds,
-)
+from fenics_mortar.verify.node_paths import AcceptedPositions, LedBodies, StepEnds
 from fenics_mortar.verify.obstacle_passages import pairs_of_obstacles
 from fenics_mortar.verify.overlap import (
     AdmittedDepth,
     OutlineNames,
     are_folds,
+    deepest_in_obstacle,
     depths_of_obstacle,
     slides_little,
 )
@@ -70,7 +62,12 @@ from fenics_mortar.verify.space_obstacles import SpaceObstacle
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.rigid.floating import FloatingBodies
+    from fenics_mortar.rigid.body_motions import BodyMotions
+
+
+# What a body without a pair with an obstacle needs.
+NO_PAIR = "; the body has no pair with this obstacle, which does not stop it: add a ContactPair"
+GOES_ON = ", or an obstacle in the place of this one that ends where its solid does"
 
 
 class Crossings:
@@ -90,7 +87,7 @@ class Crossings:
     extract: Callable[..., Any] = staticmethod(extract_outline)
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: BodyMotions
     ) -> None:
         self._bulk, self._contacts = bulk, contacts
         self._labels, _ = label_bodies(bulk.V)
@@ -109,7 +106,8 @@ class Crossings:
         self._prescribed = (self._free == 0.0).all(axis=1)
         name_of_body = partial(floating.name_of, labels=self._labels)
         self._names = OutlineNames(self.outline, contacts, name_of_body)
-        self.led = LedBodies(bulk, contacts, floating, self.outline)
+        of_bodies = floating.labels, floating.leaders, floating.name_of
+        self.led = LedBodies(bulk, contacts, self.outline, *of_bodies)
         self._prepare()
         self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)), self.led.places)
         self._left: Array = self.accepted.x
@@ -137,7 +135,7 @@ class Crossings:
         for each ``Kind``.
         """
         x = self._positions()
-        found = [*self._between_bodies(x), *self._at_obstacles(x)]
+        found = [*self._between_bodies(x), *self._at_obstacles(x), *self._without_pair(x)]
         return sorted(found, key=lambda crossing: -crossing.facets)
 
     def _at_obstacles(self, x: Array) -> Iterator[Crossing]:
@@ -153,6 +151,18 @@ class Crossings:
                 admitted = self._admitted.at_obstacle(x, segments[k], pair)
                 measures = float(depths[k]), float(facets[k])
                 yield Crossing(sides, format_point(at[k]), *measures, *admitted)
+
+    def _without_pair(self, x: Array) -> Iterator[Crossing]:
+        """Bodies with nodes at ``x`` (n, dim) inside obstacles that they have no pair with."""
+        for obstacle, body in self.in_step.without_pair:
+            depth, facets, point = deepest_in_obstacle(obstacle, self.outline, x, body)
+            if facets > 0.0:
+                ends = len(obstacle.salient_points()) > 0  # a plane goes on beyond its solid
+                sides = self._names.body(body), f"obstacle '{obstacle.name}'"
+                limit, hint = LIMITS.unpaired if ends else math.inf, NO_PAIR + GOES_ON * (not ends)
+                measures = depth, facets, limit
+                where = format_point(point)
+                yield Crossing(sides, where, *measures, hint=hint, remark=LIMITS.unpaired)
 
     def wrong_at_start(self) -> list[str]:
         """Crossings of bodies, deeper than admitted, in the last accepted state, as text."""
@@ -328,7 +338,7 @@ class Crossings:
     def passages(self, places: Array) -> tuple[list[str], list[str]]:
         """Messages on passages, and if there are none on possible ones.
 
-        The latter depend on motions that positions at the start and the end do not tell.
+        The latter depend on motions that positions at the start and the end do not determine.
 
         Args:
             places: Present positions of the obstacles, shape (obstacles, 3).
@@ -357,7 +367,11 @@ _OTHER_ROLES = f"{TIP}, or exchange slave and master"
 
 
 class SpaceCrossings(Crossings):
-    """Detection of crossings and passages in space; see ``Crossings``."""
+    """Detection of crossings and passages in space, of the hulls of bodies; see ``Crossings``.
+
+    Depths and limits have the same meaning. ``space_admitted`` finds the points inside bodies and
+    the depths that the discretization admits, ``space_obstacles`` obstacles.
+    """
 
     extract = staticmethod(extract_hull)
 
@@ -421,7 +435,7 @@ class SpaceCrossings(Crossings):
         hull = self.outline
         overlaps = find_overlaps(hull, hull.X)
         self._refuse_double_cover(overlaps)
-        overlaps = overlaps.select(~self._in_space.are_in_contact(overlaps))
+        overlaps = at_rows(overlaps, ~self._in_space.are_in_contact(overlaps))
         facets = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
         return self._excuse(self._bodies_in(overlaps), facets)
 

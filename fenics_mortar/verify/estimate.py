@@ -31,16 +31,11 @@ Averaging of stresses (Zienkiewicz and Zhu) is not used: it averages stresses ac
 materials, ignores loads and contact, and is less accurate with degree 2. Residual estimates have no
 sharp constants; with b and c as chosen, each term alone is exact for a layer of cells under a
 stress that varies across it with one degree more than the cells can represent.
-
-Sides of the owned cells: neighbours on any rank, facets of surfaces, prescribed components.
-
-Both cells of a side, and a surface, list the points of a symmetric rule in orders of their own.
-They share the order by the linear functions of the corners, taken in the order of their global
-numbers.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -49,14 +44,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of
+from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of, sum_over_cells
 from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
 from fenics_mortar.utils.errors import check_number, together
 from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.verify.overlap import interface_defects, interface_tractions
+from fenics_mortar.verify.defects import interface_defects, interface_tractions
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -68,7 +63,11 @@ DECIMALS = 6
 
 
 class CellSides:
-    """Sides of the owned cells; the points are those of ``ReferenceCell.rule``.
+    """Sides of the owned cells: neighbours on any rank, facets of surfaces, prescribed components.
+
+    The points are those of ``ReferenceCell.rule``. Both cells of a side, and a surface, list the
+    points of a symmetric rule in orders of their own. They share the order by the linear functions
+    of the corners, taken in the order of their global numbers.
 
     The constructor is collective.
 
@@ -83,7 +82,7 @@ class CellSides:
     """
 
     def __init__(self, bulk: Bulk, cell: ReferenceCell) -> None:
-        V, self._comm, dim = bulk.V, bulk.comm, bulk.space.dim
+        V, self._mesh, dim = bulk.V, bulk.V.mesh, bulk.space.dim
         topology, layout = V.mesh.topology, V.dofmap.dof_layout
         topology.create_connectivity(dim, dim - 1)
         shape = topology.index_map(dim).size_local, len(cell.sides)
@@ -96,15 +95,8 @@ class CellSides:
         corners = V.dofmap.index_map.local_to_global(nodes[:, at].ravel().astype(np.int32))
         self._corners = np.asarray(corners, np.int64).reshape(*shape, cell.sides.shape[1])
         self._order = common_order(self._corners)
-        names = topology.index_map(dim - 1).local_to_global(facets.astype(np.int32))
-        self._keys, where, count = np.unique(names, return_inverse=True, return_counts=True)
-        self._where = where.reshape(shape)
-        alone = self._keys[count == 1]
-        others = [k for r, k in enumerate(self._comm.allgather(alone)) if r != self._comm.rank]
-        shared = np.isin(alone, np.concatenate([alone[:0], *others]))
-        self._shared = np.flatnonzero(count == 1)[shared]
-        count[self._shared] = 2
-        self.inner: Flags = count[self._where] > 1
+        count = sum_over_cells(V.mesh, facets, np.ones((facets.size, 1)))[:, 0]
+        self.inner: Flags = count[self.facets] > 1.0
 
     def of_surface(self, surface: Surface) -> tuple[Indices, Indices, Indices]:
         """Cells, their sides, and the facets of the surface on these sides, each (n,) (local)."""
@@ -134,15 +126,10 @@ class CellSides:
 
         The result has the shape of ``values`` [unit of values].
         """
-        common = np.take_along_axis(values, self._order[..., None], axis=2)
-        total = np.zeros((self._keys.size, *values.shape[2:]))
-        np.add.at(total, self._where, common)
-        shared = self._shared
-        parts = self._comm.allgather((self._keys[shared], total[shared]))
-        for _, (theirs, sums) in (p for p in enumerate(parts) if p[0] != self._comm.rank):
-            _, mine, their = np.intersect1d(self._keys[shared], theirs, True, return_indices=True)
-            total[shared[mine]] += sums[their]
-        return _in_own_order(total[self._where], self._order)
+        common, facets = np.take_along_axis(values, self._order[..., None], axis=2), self.facets
+        flat = common.reshape(facets.size, math.prod(common.shape[2:]))
+        total = sum_over_cells(self._mesh, facets.ravel(), flat)
+        return _in_own_order(total[facets].reshape(values.shape), self._order)
 
 
 def common_order(corners: Indices) -> Indices:

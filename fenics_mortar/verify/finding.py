@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a check of the certificate needs and yields: limits, the state of a pair, findings.
-
-**Thresholds that several checks of a state use, each with its unit and the reason for its value.**
-Thresholds of a single check are in its module, in ``checks``.
-"""
+"""What a check of the certificate needs and yields: limits, the state of a pair, findings."""
 
 from __future__ import annotations
 
@@ -15,18 +11,18 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fenics_mortar.interface.surfaces import POINTS
-from fenics_mortar.rigid.proximal import RIGID
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.utils.arrays import HALF_FACET, SOLVED, Array, Indices
 from fenics_mortar.utils.ranks import any_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.contact.interface import Interface
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Thresholds of several checks.
+    """Thresholds of several checks of a state; those of a single check are in its module.
 
     Attributes:
         tolerance: Limit for quantities that vanish in a solution of the equations [1].
@@ -246,7 +242,7 @@ class Crossing:
         return f"{found}; no pair keeps these surfaces apart: add a {kind}"
 
 
-def paired_nodes(contact: Contact | Tie) -> Indices:
+def paired_nodes(contact: Interface) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
     paired = np.zeros(contact.master.num_nodes, bool)
     paired[contact.intersections().master.ravel()] = True

@@ -1,27 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Paths of nodes in a step: bodies and obstacles that turn, one seen from another.
 
-The motion of an obstacle between two places is known: its pivot moves on a straight line, and its
-angle grows from one value to the other, also by more than a full turn. So is that of a body on a
-rigid boundary. Of other bodies only the ends of the path of each node are known. Their motion is
-fitted: a centre on a straight line and a rotation, of less than half a turn. Meanwhile bodies are
-strained at a constant rate. The centre is that of the prescribed nodes, if there are any, or the
-fixed point of their motion if this point is nearer than the farthest node, as for a paddle that
-turns about its hub. The fixed point of a wheel that rolls is not: it is R a / (2 sin a/2) > R away.
-In space it moves along an axis. Bodies without prescribed nodes may be carried along: their paths
-are fitted in the frame in which they move least, that of space, of an obstacle or of a body with
-prescribed nodes.
-
-A rotation by more than a sixth of a turn may as well have had the other sense, or another centre:
-see ``Alternative``.
-
-Bodies that prescribed values turn, and how far in a step.
-
-The ends of a step tell the rotation of a body up to full turns: values that turn a shaft by 350
-degrees are those that turn it back by 10. So are slip, the direction of friction, wear and the
-bodies passed. Angles of rigid boundaries are known; of other prescribed values the shortest turn is
-taken, and larger ones than ``TOLD_TURN`` are told. On a path loads are a function of the time,
-evaluated within each step as well: see ``path.stepping``.
+``path_of`` fits a rigid motion, a ``RigidPath``, to the ends of a step, ``Motions`` those of all
+bodies, and ``Paths`` shows nodes in the frame of a body or an obstacle. ``LedBodies`` are bodies
+that prescribed values turn.
 """
 
 from __future__ import annotations
@@ -48,7 +30,6 @@ if TYPE_CHECKING:
     from fenics_mortar.interface.outline import Hull, Outline
     from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.obstacles.rigid_motion import RigidMotion
-    from fenics_mortar.rigid.floating import FloatingBodies
     from fenics_mortar.utils.arrays import Flags, Indices
 
 # Turn of a body by prescribed values in a step [radian], 5 degrees, above which its sense is told
@@ -88,18 +69,26 @@ class AcceptedPositions(Value):
 
 
 class LedBodies:
-    """Bodies with prescribed nodes and their turns.
+    """Bodies with prescribed nodes, and how far these turn in a step.
+
+    The ends of a step determine the rotation of a body up to full turns: values that turn a shaft
+    by 350 degrees are those that turn it back by 10. Slip, the direction of friction, wear and the
+    bodies passed depend on it. Angles of rigid boundaries are known; of other prescribed values the
+    shortest turn is taken, and a message reports turns larger than ``TOLD_TURN``. On a path loads
+    are a function of the time, evaluated within each step as well: see ``path.stepping``.
 
     All methods are local but ``messages`` and the constructor.
 
     Args:
         bulk: The bodies.
         contacts: All pairs.
-        floating: Bodies and their names.
         outline: Outlines or hulls of the bodies in contact.
+        labels: Body of each local node, shape (local nodes,).
+        leaders: Motions of rigid boundaries by the numbers in the outlines that they lead.
+        name_of: Name of a body by its number (collective).
 
     Attributes:
-        sides: Bodies of each pair by their numbers in ``floating.labels``, slave and master, -1 for
+        sides: Bodies of each pair by their numbers in ``labels``, slave and master, -1 for
             an obstacle, of which prescribed values lead at least one.
         may_turn: Whether values may be those of a rotation, not one constant for each body.
         examined: Whether loads were evaluated at times within the present step.
@@ -109,14 +98,14 @@ class LedBodies:
         self,
         bulk: Bulk,
         contacts: Sequence[Contact | Tie],
-        floating: FloatingBodies,
         outline: Outline | Hull,
+        labels: Indices,
+        leaders: Mapping[int, RigidMotion],
+        name_of: Callable[[int], str],
     ) -> None:
-        self._bulk, self._contacts, self._floating = bulk, contacts, floating
-        self._outline = outline
-        self._leaders = {b: m for b, m in floating.leaders.items() if b in outline.bodies}
-        labels = outline.gather(bulk.space.spread(floating.labels))
-        self.bodies = labels[:, 0].astype(np.int64)
+        self._bulk, self._contacts, self._outline = bulk, contacts, outline
+        self._leaders = {b: m for b, m in leaders.items() if b in outline.bodies}
+        self.bodies = outline.gather(bulk.space.spread(labels))[:, 0].astype(np.int64)
         self._parts = outline.bodies
         free = outline.gather(1.0 - bulk.prescribed)
         self.prescribed = (free == 0.0).all(axis=1)
@@ -128,15 +117,15 @@ class LedBodies:
         self.sides: set[tuple[int, int]] = set().union(*self._of_pairs)
         sizes = [compat.prescribed_value(bc).size for bc in bulk.bcs]
         self.may_turn = bool(self.sides) and (0 in sizes or len(sizes) > len(led))
-        known = np.isin(self._parts, list(floating.leaders))
+        known = np.isin(self._parts, list(leaders))
         self._known = set(self.bodies[known].tolist())
         names = sorted(led - self._known) if self.may_turn else []
-        self._names = {body: floating.name_of(body) for body in names}
+        self._names = {body: name_of(body) for body in names}
         self.examined = False
         self._taken: dict[tuple[int, int], Array] = {}
 
     def _sides_of(self, contact: Contact | Tie) -> Iterable[tuple[int, int]]:
-        """The bodies on both sides of a contact (collective the first time)."""
+        """The bodies on both sides of a contact."""
         if not isinstance(contact, Contact):
             return ()
         both = product(self._of(contact.slave), self._of(contact.master) or [-1])
@@ -144,7 +133,7 @@ class LedBodies:
 
     def _of(self, surface: Surface) -> list[int]:
         """Numbers of the bodies of a surface, none for an obstacle."""
-        return sorted(set(self._floating.labels_of(surface).astype(np.int64).tolist()))
+        return sorted(set(self.bodies[self._outline.indices_of(surface.nodes)].tolist()))
 
     def turns(self, x0: Array, x1: Array, stretched: float = np.inf) -> Turns:
         """Rotations of the prescribed nodes of bodies between two positions; see ``turn_of``.
@@ -176,7 +165,7 @@ class LedBodies:
         return self._outline.positions(self._bulk.values)
 
     def prescribed_positions(self) -> Array:
-        """The same with prescribed nodes at their values, shape (n, d) [length] (collective)."""
+        """``positions`` with prescribed nodes at their values, (n, d) [length] (collective)."""
         return self._outline.positions(self._bulk.values_as_prescribed())
 
     def carried(self, accepted: AcceptedPositions, *, solved: bool = False) -> Carried | None:
@@ -239,7 +228,7 @@ class LedBodies:
         return np.asarray(slave - master)
 
     def doubtful(self, x0: Array, x1: Array, least: float = TOLD_TURN) -> Turns:
-        """Turns by values that tell them up to full turns only, above ``least``, in a step."""
+        """Turns that values determine up to full turns only, above ``least``, in a step."""
         if self.examined or not self.may_turn or np.array_equal(x0, x1):
             return {}
         found = self.turns(x0, x1, STRETCHED).items()
@@ -292,7 +281,7 @@ class LedBodies:
         Args:
             accepted: Positions at the start of the step.
             places: Present positions of the obstacles, shape (obstacles, 3).
-            told: Numbers of pairs of which the turns at nodes are told.
+            told: Numbers of pairs whose turns at nodes are reported already.
         """
         x0, x1 = accepted.x, self.positions()
         moved = not np.array_equal(accepted.places, places)
@@ -329,7 +318,7 @@ class LedBodies:
 def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
     """Rotation of nodes, an angle (1,) or a vector (3,), of at most half a turn [radian] (local).
 
-    Zero for nodes that do not tell a rotation.
+    Zero for nodes that do not determine a rotation.
 
     Args:
         x0: Their positions, shape (n, d) [length].
@@ -349,7 +338,7 @@ def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
 
 
 def tells_turn(x0: Array) -> bool:
-    """Whether nodes (n, d) tell a rotation: not one point; in space no points on a line."""
+    """Whether nodes (n, d) determine a rotation: not one point; in space not points on a line."""
     dim = x0.shape[1]
     if len(x0) < dim:
         return False
@@ -463,7 +452,7 @@ class StepEnds(NamedTuple):
         before: Places of the obstacles at the start, shape (obstacles, m) [length, radian].
         after: Places at the end, likewise.
         known: Motions that rigid boundaries prescribe, by the body that they lead.
-        doubtful: Bodies that prescribed values turn by angles that the ends do not tell.
+        doubtful: Bodies that prescribed values turn by angles that the ends do not determine.
     """
 
     x0: Array
@@ -500,6 +489,18 @@ def motion_of(mover: RigidMotion, before: Array, after: Array) -> RigidPath:
 class Motions:
     """Motions of bodies in a step: rigid ones, and a strain at a constant rate (local).
 
+    The motion of an obstacle between two places is known: its pivot moves on a straight line, and
+    its angle grows from one value to the other, also by more than a full turn. So is that of a body
+    on a rigid boundary. Of other bodies only the ends of the path of each node are known. Their
+    motion is fitted: a centre on a straight line and a rotation, of less than half a turn.
+    Meanwhile bodies are strained at a constant rate. The centre is that of the prescribed nodes, if
+    there are any, or the fixed point of their motion if this point is nearer than the farthest
+    node, as for a paddle that turns about its hub. The fixed point of a wheel that rolls is not: it
+    is R a / (2 sin a/2) > R away. In space it moves along an axis.
+
+    A rotation by more than a sixth of a turn may as well have had the other sense, or another
+    centre: see ``Alternative``.
+
     Args:
         ends: Both ends of the step; rotations of ``doubtful`` bodies by more than ``TOLD_TURN`` may
             have had the other sense.
@@ -534,7 +535,7 @@ class Motions:
     def _path(self, body: int, ends: StepEnds, other: Alternative) -> RigidPath:
         """The motion of a body: a known one, or that of its prescribed nodes, or of all.
 
-        Prescribed nodes that do not tell a rotation are a pin or a hinge line, about which all
+        Prescribed nodes that do not determine a rotation are a pin or a hinge line, about which all
         turn. A part without such nodes, tied to a rigid boundary, follows it if it turned as far.
         """
         (x0, x1), mine, label = ends[:2], self._nodes[body], int(self.labels[body])
@@ -585,15 +586,16 @@ class Paths:
     """Paths of all nodes in a step, as seen from bodies and obstacles (local).
 
     A frame is a list of rotations, to be carried out in this order. Positions in a frame are moved
-    with it to the start of the step.
+    with it to the start of the step. Bodies without prescribed nodes may be carried along: their
+    paths are fitted in the frame in which they move least, that of space, of an obstacle or of a
+    body with prescribed nodes.
 
     Args:
         ends: Both ends of the step.
         bodies: Body of each node, shape (n,).
         obstacles: Motions of the obstacles, by labels that are no bodies.
         resolution: Largest distance of a path from its straight sections [length].
-        other: Whether motions that the ends of the paths do not tell have the other alternative,
-            see ``Motions``.
+        other: Alternative to motions that the ends of the paths do not determine, see ``Motions``.
 
     Attributes:
         motions: Motions of the obstacles.
@@ -622,7 +624,7 @@ class Paths:
 
     @property
     def alternatives(self) -> Sequence[Alternative]:
-        """Other forms of the motions of bodies that turned too far for the ends to tell."""
+        """Alternatives to motions of bodies that turned too far for the ends to determine them."""
         return ("sense", "centre") if self._relative.two_ways.any() else ()
 
     def _choose_carriers(self) -> None:
@@ -699,7 +701,7 @@ class Paths:
 
         Args:
             angle: The rotation [radian].
-            frame: Rotations, of which the centres count.
+            frame: Rotations, whose centres count.
             points: Points besides the nodes, shape (k, d) [length].
         """
         every, centres = np.concatenate([points, self._box]), np.array([r.start for r in frame])

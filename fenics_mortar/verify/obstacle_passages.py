@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -21,7 +21,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.kernels.passage import OPPOSED
-from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.obstacles.obstacle import Obstacle, is_of_package
 from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS
@@ -156,6 +156,33 @@ def _at(knots: Array, far: Array, at: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = np.nan_to_num((at - start) / (end - start), posinf=0.0, neginf=0.0)
     return knots[k, every] + fraction[:, None] * (knots[k + 1, every] - knots[k, every])
+
+
+def nodes_off_pairs(obstacle: Obstacle, outline: Any, slaves: Indices) -> Flags:
+    """Nodes that no pair keeps out of an obstacle, of bodies that are clear of it (collective).
+
+    Other bodies overlap it in the mesh, beside a slave or without one, as where a plane goes on
+    beyond the wall that it stands for.
+
+    Args:
+        obstacle: The obstacle.
+        outline: Outlines or hulls of all bodies.
+        slaves: Numbers of the slave nodes of its pairs, shape (k,).
+
+    Returns:
+        Shape (n,), bool.
+    """
+    off, beside = np.ones((2, len(outline.X)), bool)
+    off[slaves] = False
+    if not is_of_package(obstacle):  # a user's function need be a distance beside pairs only
+        off &= np.isin(outline.bodies, outline.bodies[slaves])
+        beside &= off
+    beside[outline.segments[~off[outline.segments].all(axis=1)]] = False
+    at = np.flatnonzero(beside)
+    evaluate = partial(obstacle.evaluate, outline.X[at])
+    phi = call_together(outline.comm, f"the distance of '{obstacle.name}'", evaluate)[0]
+    inside = phi < -LIMITS.unpaired * outline.node_sizes(outline.X)[at]
+    return np.asarray(off & ~np.isin(outline.bodies, outline.bodies[at[inside]]))
 
 
 def pairs_of_obstacles(

@@ -26,9 +26,9 @@ import numpy as np
 
 from fenics_mortar.kernels import passage
 from fenics_mortar.kernels.passage import OPPOSED
-from fenics_mortar.kernels.space import passage as space_passage
 from fenics_mortar.kernels.space.triangles import nearest_triangle
 from fenics_mortar.kernels.tree import build_tree
+from fenics_mortar.obstacles.obstacle import is_of_package
 from fenics_mortar.obstacles.rigid_motion import at_place
 from fenics_mortar.utils.arrays import (
     HALF_FACET,
@@ -38,6 +38,7 @@ from fenics_mortar.utils.arrays import (
     Array,
     Flags,
     Indices,
+    at_rows,
     norms,
 )
 from fenics_mortar.utils.errors import format_point
@@ -45,10 +46,11 @@ from fenics_mortar.verify.finding import LIMITS
 from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds, motion_of
 from fenics_mortar.verify.obstacle_passages import (
     ADVICE,
+    nodes_off_pairs,
     nodes_through,
     pairs_of_obstacles,
 )
-from fenics_mortar.verify.overlap import OutlineNames, depths_in_body
+from fenics_mortar.verify.overlap import OutlineNames, deepest_in_obstacle, depths_in_body
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
@@ -82,11 +84,6 @@ class Passed(NamedTuple):
     times: Array
     facets: Indices
 
-    def select(self, marked: Flags) -> Passed:
-        """Some of the paths."""
-        each: Any = (values[marked] for values in self)
-        return Passed(*each)
-
 
 class Passages:
     """Detection of passages; all methods are collective.
@@ -97,6 +94,10 @@ class Passages:
         slaves: Numbers of the slave nodes of each pair in the outlines.
         names: Names of segments, nodes and bodies.
         excused: Overlaps of bodies in the mesh [facets], inf for pairs without messages.
+
+    Attributes:
+        without_pair: Obstacles, and bodies that have no pair with them but are clear of them in the
+            mesh.
     """
 
     find_events: Callable[..., Array] = staticmethod(passage.find_events)
@@ -111,6 +112,24 @@ class Passages:
     ) -> None:
         self.outline, self._names, self._excused = outline, names, excused
         self._obstacles = pairs_of_obstacles(contacts, slaves)
+        self._off_pairs, self._of_pairs = list[Flags](), list[Indices]()
+        self.without_pair: list[tuple[Obstacle, int]] = []
+        for obstacle, pairs in self._obstacles.items():
+            of_pairs = np.concatenate([there for _, there in pairs])
+            self._of_pairs.append(np.unique(outline.bodies[of_pairs]))
+            self._off_pairs.append(np.zeros(len(outline.X), bool))
+            if is_of_package(obstacle):  # a user's function need be a distance beside pairs only
+                self._off_pairs[-1] = nodes_off_pairs(obstacle, outline, of_pairs)
+                self._find_others(obstacle)
+
+    def _find_others(self, obstacle: Obstacle) -> None:
+        """Find the bodies without a pair with the last obstacle that are clear of it."""
+        o, off = self.outline, self._off_pairs[-1]
+        for body in np.setdiff1d(o.bodies[off], self._of_pairs[-1]).tolist():
+            if deepest_in_obstacle(obstacle, o, o.X, body)[1] > LIMITS.unpaired:
+                off &= o.bodies != body
+            else:
+                self.without_pair.append((obstacle, body))
 
     def find(self, ends: StepEnds, allowed: AllowedOverlaps) -> tuple[list[str], list[str]]:
         """Messages on passages; if there are none, on those by alternative motions of bodies.
@@ -145,6 +164,7 @@ class Passages:
             yield from self._through_body(paths.seen_from(body), body, ends.x1, allowed)
         for number, (obstacle, place) in enumerate(zip(self._obstacles, ends.before, strict=True)):
             yield from self._at_obstacle(number, obstacle, paths, ends.x1, place)
+            yield from self._past_obstacle(number, obstacle, paths, ends.x1, place)
 
     # Through bodies
 
@@ -188,7 +208,7 @@ class Passages:
             marked: Points to follow, shape (n + k,), bool.
 
         Returns:
-            The paths, and the numbers of points of which the last event is an entry.
+            The paths, and the numbers of points whose last event is an entry.
         """
         o, at = self.outline, np.flatnonzero(marked)
         mine = np.flatnonzero(o.segment_bodies == body)
@@ -234,7 +254,7 @@ class Passages:
         if not len(passed.ends):
             return passed
         given = o.neighbours(), o.lengths(x), passed.facets, passed.place
-        return passed.select(~passage.lead_round(x, o.segments, *given))
+        return at_rows(passed, ~passage.lead_round(x, o.segments, *given))
 
     def _deep(self, passed: Passed, along: Array, body: int) -> Passed:
         """Those paths that lead deep below the surface of the body, not along it."""
@@ -244,8 +264,8 @@ class Passages:
         deep = np.zeros(len(group), bool)
         for number in range(group.max() + 1):  # the body deforms, and paths pass at their times
             mine = group == number
-            deep[mine] = self._are_deep(passed.select(mine), along, body)
-        return passed.select(deep)
+            deep[mine] = self._are_deep(at_rows(passed, mine), along, body)
+        return at_rows(passed, deep)
 
     def _are_deep(self, passed: Passed, along: Array, body: int) -> Flags:
         """Whether paths lead deep below the surface of the body at their mean time, (k,), bool."""
@@ -280,7 +300,7 @@ class Passages:
         """A message on each body of which nodes or edges passed through ``body``."""
         of_paths = self.outline.bodies[passed.ends[:, 0]]
         for other in self._others(body, of_paths):
-            yield self.message(what, passed.select(of_paths == other), x, body)
+            yield self.message(what, at_rows(passed, of_paths == other), x, body)
 
     def message(self, what: str, passed: Passed, x: Array, body: int, owner: str = "") -> str:
         """Message on paths through a body.
@@ -309,7 +329,10 @@ class Passages:
     def _at_obstacle(
         self, number: int, obstacle: Obstacle, paths: Paths, x1: Array, place: Array
     ) -> Iterator[str]:
-        """Messages on obstacle ``number``, at ``place`` (m,) at the start: nodes through it, it."""
+        """Messages on nodes through obstacle ``number``, or on it through bodies.
+
+        ``place``: its place at the start, shape (m,).
+        """
         pairs, seen = self._obstacles[obstacle], paths.seen_from(-1 - number)
         with at_place(obstacle, place):
             along = obstacle.to_own_frame(seen)
@@ -318,10 +341,27 @@ class Passages:
             given = along[:, there], contact.now.offset, contact.slave.nodal_lengths
             name, comm = f"'{contact.slave.name}'", self.outline.comm
             yield from nodes_through(comm, obstacle, given, x1[there], lambda _, n=name: n)  # type: ignore[misc]
-        bodies = self.outline.bodies[np.concatenate([there for _, there in pairs])]
         if len(points):
             at = -1 - number, obstacle, points
-            yield from self.points_through(paths, *at, np.unique(bodies).tolist(), x1)
+            yield from self.points_through(paths, *at, self._of_pairs[number].tolist(), x1)
+
+    def _past_obstacle(
+        self, number: int, obstacle: Obstacle, paths: Paths, x1: Array, place: Array
+    ) -> Iterator[str]:
+        """The same of nodes off its pairs, and of bodies without a pair with it."""
+        at = np.flatnonzero(self._off_pairs[number])
+        seen = paths.seen_from(-1 - number)[:, at]
+        with at_place(obstacle, place):
+            along = obstacle.to_own_frame(seen)
+            points = obstacle.to_space(obstacle.salient_points())
+        given = along, np.zeros(at.size), self.outline.node_sizes(x1)[at]
+        comm, names = self.outline.comm, self._names
+        yield from nodes_through(
+            comm, obstacle, given, x1[at], lambda first: names.node(int(at[first]))
+        )
+        others = [body for each, body in self.without_pair if each is obstacle]
+        if len(points) and others:
+            yield from self.points_through(paths, -1 - number, obstacle, points, others, x1)
 
     def points_through(
         self, paths: Paths, label: int, obstacle: Obstacle, points: Array, bodies: Iterable[int],
@@ -359,11 +399,13 @@ class SpacePassages(Passages):
         obstacles: The ``SpaceObstacle`` of all pairs.
     """
 
-    find_events = staticmethod(space_passage.find_events)
+    find_events = staticmethod(passage.find_events_in_space)
 
     def __init__(self, *given: Any, obstacles: Sequence[Any]) -> None:
         super().__init__(*given)
         self._in_space = obstacles
+        for off, of_pairs in zip(self._off_pairs, self._of_pairs, strict=True):
+            off &= ~np.isin(self.outline.bodies, of_pairs)  # their nodes are followed there
         self._corners = self.outline.segments
 
     def _through_body(self, along: Array, body: int, x1: Array, _: Any) -> Iterator[str]:
@@ -377,7 +419,7 @@ class SpacePassages(Passages):
         sharp = self._edges_through(along, body, near)
         new = ~np.isin(bodies[sharp.ends[:, 0]], bodies[nodes.ends[:, 0]])
         yield from self._messages("nodes", nodes, x1, body)
-        yield from self._messages("edges", sharp.select(new), x1, body)
+        yield from self._messages("edges", at_rows(sharp, new), x1, body)
 
     def _near(self, along: Array, body: int, movers: Indices) -> Flags:
         """Whether paths of nodes or edges (k, c) of others meet the box of a body, (k,), bool."""
@@ -430,9 +472,16 @@ class SpacePassages(Passages):
         return np.asarray(convex & (hull.turns(x) > SMALL_ANGLE))
 
     def _at_obstacle(
-        self, number: int, _: Obstacle, paths: Paths, x1: Array, place: Array
+        self, number: int, obstacle: Obstacle, paths: Paths, x1: Array, place: Array
     ) -> Iterator[str]:
-        return self._in_space[number].passages(paths, self, place, x1)
+        found, label = self._in_space[number], -1 - number
+        seen, motion = paths.seen_from(label)[:, found.counted], paths.motions[label]
+        messages = found.passages(seen, place, x1)
+        yield from messages
+        if not messages:
+            points = motion.back(found.points(x1, motion.carry(seen.reshape(-1, 3), 1.0)), 1.0)
+            at = label, obstacle, points, found.bodies.tolist()
+            yield from self.points_through(paths, *at, x1)
 
 
 def events_on(along: Array, find: Callable[..., Array], *given: Any) -> Array:
@@ -466,7 +515,7 @@ def opposed(both: Array, movers: Indices, targets: Indices, normals: Sequence[Ar
     cosines = [(n[:, 0] * n[:, 1]).sum(axis=1) for n in normals]
     share = targets[enters][:, :, None] == targets[leaves][:, None]
     passed = Passed(ends, both[:, :, 4], both[:, :, 2], sides.T)
-    return passed.select((np.maximum(*cosines) < OPPOSED) & ~share.any(axis=(1, 2)))
+    return at_rows(passed, (np.maximum(*cosines) < OPPOSED) & ~share.any(axis=(1, 2)))
 
 
 def _at(along: Array, times: Array, nodes: Indices) -> Array:

@@ -1,35 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Depths of overlaps in space that the discretization admits, as ``admitted_depth`` in the plane.
+"""Overlaps of bodies in space: points inside bodies, their depths, and those that are admitted.
 
-Between the two sides of a pair, contact is enforced at the nodes: facets overlap between them, by
-less than half a facet. Beside nodes without force less is admitted: there a tip of the master may
-have entered a facet whose nodes do not see it. Elsewhere any overlap is an error, beyond the
-sagittas of both surfaces with flat triangles: L a / 8 for facets of the size L at an angle a. So is
-one of the sides of a pair where no facets of the pair face each other: edges that cross, a corner
-beside a face; and two ridges that cross, no faces of which face each other, where no node carries
-force, or the nodes beside do not keep them apart: the mean gaps of the nodes see nothing of the
-crossing, and the force is missing in whole or in part. A node at the crossing sees it.
-
-Points of hulls in space that lie inside bodies, and their depths.
-
-Nodes inside another body are found by winding numbers, and where no node is inside, as where edges
-cross each other, by the middles of the parts of edges inside it. The depth of a point is its
-distance from the surface of the body that contains it.
-
-Of a body that crosses itself, the middle of an edge beyond a triangle that it pierces is inside if
-the body covers the points just below it twice: at a fold, where det F < 0, it does not. The depth
-is the distance from the surface around the pierced triangle: the body's own surface at the edge is
-nearer, and the pierced triangle alone is far from an edge that lies along the surface.
-
-A side of a pair that has entered a thin body is nearer to the back of the body than to the side it
-came through. It faces the latter: its depth is that below the side of the pair.
+``find_overlaps`` finds the points; ``SpaceAdmitted`` has the depths that the discretization admits,
+as ``overlap.AdmittedDepth`` in the plane.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -38,7 +18,7 @@ from fenics_mortar.contact.interface import or_more_functions
 from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_number
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.utils.arrays import SAME_PLACE, TINY, Array, Flags, Indices
+from fenics_mortar.utils.arrays import SAME_PLACE, TINY, Array, Flags, Indices, at_rows
 from fenics_mortar.verify.finding import LIMITS, paired_nodes
 
 if TYPE_CHECKING:
@@ -71,14 +51,20 @@ class Overlaps(NamedTuple):
     depths: Array
     points: Array
 
-    def select(self, marked: Flags | Indices) -> Overlaps:
-        """Some of the points."""
-        each: Any = (values[marked] for values in self)
-        return Overlaps(*each)
-
 
 def find_overlaps(hull: Hull, x: Array) -> Overlaps:
-    """Points of the hulls inside bodies, nodes at ``x`` (n, 3) (local)."""
+    """Points of the hulls inside bodies, nodes at ``x`` (n, 3) (local).
+
+    Nodes inside another body are found by winding numbers, and where no node is inside, as where
+    edges cross each other, by the middles of the parts of edges inside it. The depth of a point is
+    its distance from the surface of the body that contains it.
+
+    Of a body that crosses itself, the middle of an edge beyond a triangle that it pierces is inside
+    if the body covers the points just below it twice: at a fold, where det F < 0, it does not. The
+    depth is the distance from the surface around the pierced triangle: the body's own surface at
+    the edge is nearer, and the pierced triangle alone is far from an edge that lies along the
+    surface.
+    """
     found = [_none()]
     sizes = hull.lengths(x)
     edges, _ = hull.edges
@@ -102,7 +88,7 @@ def find_overlaps(hull: Hull, x: Array) -> Overlaps:
         size = float(np.median(sizes[mine]))
         depths, nearest = depths_inside(x, triangles, boxes, points, size)
         every = Overlaps(nodes, mine[nearest], depths, points)
-        found.append(every.select(depths > SAME_PLACE * size))
+        found.append(at_rows(every, depths > SAME_PLACE * size))
         if own.any():
             found.append(_of_itself(hull, x, mine, boxes, rows[own]))
     return Overlaps(*(np.concatenate(values) for values in zip(*found, strict=True)))
@@ -192,18 +178,16 @@ class Measured(NamedTuple):
     triangles: Indices
     across: Flags
 
-    def at(self, marked: Indices) -> Measured:
-        """Some of the points."""
-        return Measured(self.depths[marked], self.triangles[marked], self.across[marked])
-
 
 def below_marked(
     hull: Hull, x: Array, points: Array, n: Array, first: Measured, marked: Flags
 ) -> Measured:
     """Depths of what came in by marked triangles, and may be nearer to others now (local).
 
-    Where the nearest triangle is one of the back, points are measured from the nearest marked one
-    of the body if they face it more, and are below it by no more than pairs admit.
+    A side of a pair that has entered a thin body is nearer to the back of the body than to the side
+    it came through. It faces the latter: its depth is that below the side of the pair. Where the
+    nearest triangle is one of the back, points are measured from the nearest marked one of the body
+    if they face it more, and are below it by no more than pairs admit.
 
     Args:
         hull: The hulls.
@@ -265,6 +249,16 @@ def remark_of(kind: Kind) -> float:
 class SpaceAdmitted:
     """Kinds of overlaps by pairs, and the depths admitted for them.
 
+    Between the two sides of a pair, contact is enforced at the nodes: facets overlap between them,
+    by less than half a facet. Beside nodes without force less is admitted: there a tip of the
+    master may have entered a facet whose nodes do not see it. Elsewhere any overlap is an error,
+    beyond the sagittas of both surfaces with flat triangles: L a / 8 for facets of the size L at an
+    angle a. So is one of the sides of a pair where no facets of the pair face each other: edges
+    that cross, a corner beside a face; and two ridges that cross, no faces of which face each
+    other, where no node carries force, or the nodes beside do not keep them apart: the mean gaps of
+    the nodes see nothing of the crossing, and the force is missing in whole or in part. A node at
+    the crossing sees it.
+
     Args:
         hull: The hulls of the bodies.
         contacts: All pairs.
@@ -312,7 +306,7 @@ class SpaceAdmitted:
         for one, other in self._ways:
             at = np.flatnonzero(self._on(one, overlaps))
             if at.size:
-                n, first = self._outward(x, one, overlaps.nodes[at]), found.at(at)
+                n, first = self._outward(x, one, overlaps.nodes[at]), at_rows(found, at)
                 again = below_marked(self._hull, x, overlaps.points[at], n, first, other)
                 for values, new in zip(found, again):
                     values[at] = new

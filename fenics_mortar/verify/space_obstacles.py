@@ -23,29 +23,16 @@ import numpy as np
 from fenics_mortar.obstacles.rigid_motion import at_place
 from fenics_mortar.utils.arrays import TINY, Indices, norms
 from fenics_mortar.utils.errors import call_together, format_point
+from fenics_mortar.verify import space_admitted
 from fenics_mortar.verify.finding import LIMITS, Crossing
-from fenics_mortar.verify.obstacle_passages import nodes_through
+from fenics_mortar.verify.obstacle_passages import nodes_off_pairs, nodes_through
 from fenics_mortar.verify.overlap import OutlineNames, obstacle_depths
-from fenics_mortar.verify.space_admitted import (
-    ACROSS,
-    ALWAYS,
-    AWAY,
-    HINTS,
-    TIP,
-    Kind,
-    Measured,
-    SpaceAdmitted,
-    below_marked,
-    remark_of,
-)
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.interface.outline import Hull
     from fenics_mortar.obstacles.obstacle import Fields, Obstacle
     from fenics_mortar.utils.arrays import Array, Flags
-    from fenics_mortar.verify.node_paths import Paths
-    from fenics_mortar.verify.passages import SpacePassages
 
 
 # Points of a triangle near an obstacle, weights of its corners: a grid of a quarter of its sides.
@@ -88,7 +75,7 @@ class SpaceObstacle:
         pairs: Sequence[tuple[Contact, Indices]],
         hull: Hull,
         names: OutlineNames,
-        admitted: SpaceAdmitted,
+        admitted: space_admitted.SpaceAdmitted,
     ) -> None:
         self.label, self.obstacle, self.hull = -1 - number, obstacle, hull
         self._pairs, self._names, self._admitted = pairs, names, admitted
@@ -101,21 +88,11 @@ class SpaceObstacle:
             self.near_slave |= hull.near(contact.slave)
             self._on_slave |= hull.are_of(contact.slave)
         self.counted: Flags = np.isin(hull.bodies, self.bodies)
-        self._leave_out_covered()
-
-    def _leave_out_covered(self) -> None:
-        """Count the slave only, of bodies with other nodes inside the obstacle at set-up."""
-        hull, on_slave = self.hull, np.zeros(len(self.hull.X), bool)
-        on_slave[hull.segments[self.near_slave]] = True
-        at = np.flatnonzero(self.counted & ~on_slave)
-        depth = -self._evaluate(hull.X[at])[0]
-        covered = at[depth > LIMITS.unpaired * hull.node_sizes(hull.X)[at]]
-        on_slave[:] = False
-        on_slave[self._slave] = True
-        self.counted &= on_slave | ~np.isin(hull.bodies, hull.bodies[covered])
+        self.counted &= nodes_off_pairs(obstacle, hull, self._slave)
+        self.counted[self._slave] = True
 
     def _evaluate(self, x: Array) -> Fields:
-        """``Obstacle.evaluate`` at points (k, 3); an error is one on all ranks."""
+        """``Obstacle.evaluate`` at points (k, 3); errors are raised on all ranks."""
         what = f"the distance of '{self.obstacle.name}'"
         return call_together(self.hull.comm, what, partial(self.obstacle.evaluate, x))
 
@@ -150,7 +127,9 @@ class SpaceObstacle:
         near = self._evaluate(middles)[0] <= reach
         return np.einsum("qk,tkc->tqc", WITHIN, corners[near]), near
 
-    def depths_in(self, x: Array, points: Array, body: int) -> tuple[Array, Measured]:
+    def depths_in(
+        self, x: Array, points: Array, body: int
+    ) -> tuple[Array, space_admitted.Measured]:
         """Points of the obstacle in a body, (k, 3) [length], and their depths (collective).
 
         See ``obstacle_depths``, and ``below_marked`` with the triangles of the slave.
@@ -158,9 +137,9 @@ class SpaceObstacle:
         overlap = max(-float(self.offset().min(initial=0.0)), 0.0)
         at = self.hull, x, body, points, self.offset()
         depths, inside, nearest = obstacle_depths(*at, lambda p: np.abs(self._evaluate(p)[0]))
-        first = Measured(depths + overlap, nearest, np.zeros(len(depths), bool))
+        first = space_admitted.Measured(depths + overlap, nearest, np.zeros(len(depths), bool))
         n = self._evaluate(inside)[1]
-        found = below_marked(self.hull, x, inside, n, first, self._on_slave)
+        found = space_admitted.below_marked(self.hull, x, inside, n, first, self._on_slave)
         return inside, found._replace(depths=found.depths - overlap)
 
     def led_inside(self, x: Array, prescribed: Flags) -> tuple[float, float, str]:
@@ -185,7 +164,7 @@ class SpaceObstacle:
         """
         radius = 1.0 / max(float(np.linalg.eigvalsh(self._evaluate(point[None])[2][0])[-1]), TINY)
         if not SHARP * size < radius < FLAT * size:
-            return TIP
+            return space_admitted.TIP
         edges = f", to edges of at most {OF_RADIUS * radius:.2g}, half of the radius of the "
         return f"{edges}obstacle there" * (radius < size / OF_RADIUS)
 
@@ -205,7 +184,7 @@ class SpaceObstacle:
         at = at[near]
         phi, gradient, _ = self._evaluate(points.reshape(-1, 3))
         outward = np.einsum("tqc,tc->tq", gradient.reshape(points.shape), hull.normals(x)[at])
-        depths = np.where(outward > AWAY, -phi.reshape(outward.shape), 0.0)
+        depths = np.where(outward > space_admitted.AWAY, -phi.reshape(outward.shape), 0.0)
         t, q = np.unravel_index(depths.argmax(), depths.shape) if len(at) else (0, 0)
         if not depths.max(initial=0.0) > 0.0:
             return 0.0, np.zeros(3), 0
@@ -235,7 +214,7 @@ class SpaceObstacle:
             yield from self._coming_out(x, body, led)
 
     def _deepest(
-        self, x: Array, at: Array, measured: Measured, admitted: Any, led: str
+        self, x: Array, at: Array, measured: space_admitted.Measured, admitted: Any, led: str
     ) -> Iterator[Crossing]:
         """The deepest of points ``at`` (k, 3), over its limit, for each kind (collective)."""
         (kinds, limits), (depths, triangles, across) = admitted, measured
@@ -245,18 +224,21 @@ class SpaceObstacle:
             k = int(np.where(mine == kind, facets / limits[triangles], 0.0).argmax())
             t, is_across = int(triangles[k]), bool(across[k])
             hint = self._admitted.hint(kind, self.needed(at[k], float(sizes[t])))
-            hint = led * bool(facets[k] > limits[t]) or hint + ACROSS * is_across
+            hint = led * bool(facets[k] > limits[t]) or hint + space_admitted.ACROSS * is_across
             yield Crossing(
                 self._sides(t), format_point(at[k]), float(depths[k]), float(facets[k]),
-                float(limits[t]), kind != Kind.UNPAIRED or led == hint != "", hint,
-                ALWAYS if is_across else remark_of(kind),
+                float(limits[t]), kind != space_admitted.Kind.UNPAIRED or led == hint != "", hint,
+                space_admitted.ALWAYS if is_across else space_admitted.remark_of(kind),
             )  # fmt: skip
 
     def _coming_out(self, x: Array, body: int, led: str) -> Iterator[Crossing]:
         """Where an obstacle has gone through a thin body (collective)."""
         depth, point, t = self.comes_out(x, body)
         if depth > 0.0:
-            facets, hint = depth / float(self.hull.lengths(x)[t]), led or HINTS[Kind.THROUGH]
+            facets, hint = (
+                depth / float(self.hull.lengths(x)[t]),
+                led or space_admitted.HINTS[space_admitted.Kind.THROUGH],
+            )
             at = self._sides(t), format_point(point), depth, facets, LIMITS.unpaired
             yield Crossing(*at, hint=hint)
 
@@ -264,18 +246,15 @@ class SpaceObstacle:
         """Names of the surface of a triangle and of the obstacle (collective)."""
         return self._names.segment(triangle), self._name
 
-    def passages(
-        self, paths: Paths, through: SpacePassages, place: Array, x1: Array
-    ) -> Iterator[str]:
-        """Messages on nodes through the obstacle, or else on points of it through bodies.
+    def passages(self, seen: Array, place: Array, x1: Array) -> list[str]:
+        """Messages on nodes through the obstacle.
 
         Args:
-            paths: Paths of the nodes and the obstacles.
-            through: Detection of passages through bodies.
+            seen: Paths of the k counted nodes in its frame, shape (m + 1, k, 3) [length].
             place: Place of the obstacle at the start, shape (6,) [length, radian].
             x1: Positions of the nodes at the end, shape (n, 3) [length].
         """
-        nodes, seen = np.flatnonzero(self.counted), paths.seen_from(self.label)[:, self.counted]
+        nodes = np.flatnonzero(self.counted)
         with at_place(self.obstacle, place):
             knots = self.obstacle.to_own_frame(seen)
         given = knots, self.offset()[nodes], self.hull.node_sizes(x1)[nodes]
@@ -283,11 +262,4 @@ class SpaceObstacle:
         def name(first: int) -> str:
             return self._names.node(int(nodes[first]))
 
-        found = nodes_through(self.hull.comm, self.obstacle, given, x1[nodes], name)
-        if found:
-            return iter(found)
-        motion = paths.motions[self.label]
-        beside = motion.carry(seen.reshape(-1, 3), 1.0)
-        begin = motion.back(self.points(x1, beside), 1.0)
-        at = self.label, self.obstacle, begin, self.bodies.tolist()
-        return through.points_through(paths, *at, x1)
+        return nodes_through(self.hull.comm, self.obstacle, given, x1[nodes], name)

@@ -1,15 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Taylor test of every derivative, block by block, at the present state of a problem.
-
-For a function f with derivative f' the remainder |f(x + t v) - f(x) - t f'(x) v| decreases as t^2:
-the slope in t is 2 if the derivative is correct and 1 if a term is missing.
-
-Mortar operators of the present state as PETSc objects, for users' block solvers and studies.
-
-Rows of D, M, gap and normals are slave nodes in their order along the surface, distributed evenly
-over the ranks; columns of D and M are slave and master nodes likewise. Columns of derivatives are
-the displacement dofs of the space (global numbers dim node + component).
-"""
+"""Derivatives at the present state: a Taylor test of all, and mortar operators as PETSc objects."""
 
 from __future__ import annotations
 
@@ -21,7 +11,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.checks import radial_dofs_on_axis
+from fenics_mortar.bulk.revolution import radial_dofs_on_axis
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.interface.integrals import share_of
 from fenics_mortar.interface.mortar import Block
@@ -41,10 +31,14 @@ if TYPE_CHECKING:
 
 
 class OperatorMatrices:
-    """PETSc objects, created on demand from the operators of a pair (all methods collective).
+    """Mortar operators of the present state as PETSc objects, for users' block solvers and studies.
 
-    Rows of D, M and the gap, and columns of D, are the nodes of ``PairView.slave``, columns of M
-    those of ``PairView.master``.
+    They are created on demand from the operators of a pair (all methods collective).
+
+    Rows of D, M, gap and normals are slave nodes in their order along the surface, those of
+    ``PairView.slave``, distributed evenly over the ranks; columns of D and M are slave and master
+    nodes likewise, the latter those of ``PairView.master``. Columns of derivatives are the
+    displacement dofs of the space (global numbers dim node + component).
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
@@ -196,6 +190,10 @@ def check_tangent(
 ) -> TangentCheck:
     """Taylor test at the present displacement, multipliers and active set (collective).
 
+    Every derivative is tested, block by block. For a function f with derivative f' the remainder
+    |f(x + t v) - f(x) - t f'(x) v| decreases as t^2: the slope in t is 2 if the derivative is
+    correct and 1 if a term is missing.
+
     The state is restored. Zero multipliers are replaced by random ones of the size of the largest,
     or of 1 % of the stiffness, so that the derivatives of D and M contribute.
 
@@ -332,7 +330,7 @@ class _Probe:
         """Derivatives of normals and gap along the motions of the pair's obstacle (local)."""
         if not isinstance(contact, Contact) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1)
-        dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
+        dq = self.motions.of_obstacle(contact, self.dq)
         o = contact.operators
         return o.dn_dq @ dq, o.dgap_dq @ dq
 

@@ -11,7 +11,7 @@ import fenics_mortar as fm
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
-several_ranks = pytest.mark.ranks
+several_ranks = pytest.mark.usefixtures("several_ranks")
 
 
 @contextmanager

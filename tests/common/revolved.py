@@ -13,7 +13,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.studies import common
-from fenics_mortar.bulk.checks import radial_dofs_on_axis
+from fenics_mortar.bulk.revolution import radial_dofs_on_axis
 from fenics_mortar.energies import lame
 from meshes.mapped_grids import Grid, block, build
 

@@ -15,7 +15,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
-from fenics_mortar.sensitivity.controls import controls_of, dot, quantities_of
+from fenics_mortar.sensitivity.controls import dot
+from fenics_mortar.sensitivity.forms import controls_of, quantities_of
 from fenics_mortar.sensitivity.objective import last
 from meshes import mapped_grids, two_blocks
 from meshes.mapped_grids import Grid, block

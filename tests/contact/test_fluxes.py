@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.law_calls import SMALL_PRESSURE
+from fenics_mortar.contact.conductance import SMALL_PRESSURE
 from fenics_mortar.utils import compat
 from meshes.mapped_grids import Grid, block, mesh
 
@@ -523,6 +523,19 @@ def test_heated_bodies_without_a_level_of_temperature_are_named(case, names):
     scene.set(top=0.03 if case == "open" else -0.03)
     with pytest.raises(fm.NotConvergedError, match=f"level of field 1 of {names}: neither"):
         problem.solve()
+
+
+def test_a_body_that_no_heat_reaches_has_a_remark_that_its_level_is_any():
+    """Without a source the state has a level by chance: that of the first guess, or of rounding."""
+    scene = stacked((5, 7))
+    scene.bcs.pop(5)  # hot
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", fluxes=[fm.Conductance(1, 2.0)])
+    problem = scene.problem([pair])
+    for top, told in ((0.03, True), (-0.03, False)):
+        scene.set(top=top)
+        remarks = problem.solve().certificate.remarks()
+        found = [text for text in remarks if "level of field 1 of body 'upper': neither" in text]
+        assert len(found) == told and not any("body 'lower'" in text for text in found)
 
 
 def test_a_field_without_part_in_the_stress_leaves_its_accuracy():

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Friction: derivatives, exact states, both systems, bad input."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -14,7 +13,7 @@ from scenes import homogeneous_blocks, internal, linear_elastic, pair_options, p
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.law import Nodal, Row
+from fenics_mortar.contact.law import GRAZE, Nodal, Row
 from fenics_mortar.contact.rows import largest_adhesion, strength
 from fenics_mortar.energies import lame
 from meshes import mapped_grids
@@ -186,10 +185,15 @@ def test_invalid_numbers_are_refused(wrong):
         wrong()
 
 
-@pytest.mark.serial
-def test_peeling_edge_is_reported_with_a_remedy():
-    """A circle slides on a block: when an edge node closes, its shear opens it again."""
-    circle, law = fm.Circle((1.3, 2.0), 1.0), fm.Tresca(0.1 * E)
+class Peeling(fm.Tresca):
+    """With a limit that jumps where a node opens."""
+
+    grazes = False
+
+
+def circle_on_block(law, circle=None):
+    """A circle is pressed on a block and slides in one large step."""
+    circle = circle or fm.Circle((1.3, 2.0), 1.0)
     grid = Grid("block", mapped(20, 6, lambda s, t: (4.0 * s, t)))
     data = read(lambda: mapped_grids.build([grid]))
     u = fem.Function(fm.vector_space(data.mesh, 1))
@@ -200,18 +204,58 @@ def test_peeling_edge_is_reported_with_a_remedy():
     )
     circle.move(y=-0.05)
     problem.solve()
-    pressed = problem.state()
     circle.move(x=0.1)
+    return problem
+
+
+@pytest.mark.serial
+@pytest.mark.once
+def test_steps_with_grazing_nodes_do_not_depend_on_earlier_solves(tmp_path):
+    """How often its shear has opened a node counts in one solve only."""
+    moves = (0.204, 0.018), (-0.099, -0.017), (0.193, -0.04), (0.17, 0.02), (0.011, -0.017)
+    circles = [fm.Circle((1.3, 2.0), 1.0) for _ in range(2)]
+    going_on, continued = (circle_on_block(fm.Tresca(0.2 * E), circle) for circle in circles)
+    going_on.solve()
+    for x, y in moves:
+        fm.save_state(going_on, tmp_path / "state.npz")
+        fm.load_state(continued, tmp_path / "state.npz")
+        forces = []
+        for problem, circle in zip((going_on, continued), circles, strict=True):
+            circle.move(x=x, y=y)
+            problem.solve()
+            forces.append(problem.equations.contacts[0].now.total_force)
+        assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+@pytest.mark.serial
+def test_peeling_edge_is_reported_with_a_remedy():
+    """When an edge node closes, its shear opens it again."""
     with pytest.raises(fm.NotConvergedError, match=r"1 nodes of 'block/top' .*one at \(1.6.*peel"):
-        problem.solve()
-    problem.restore(replace(pressed, places=problem.equations.motions.places))
-    pair.law = fm.Coulomb(1.0, max_shear=law.stress)
-    problem.solve()
-    contact = problem.equations.contacts[0]
-    assert np.abs(contact.z_tau).max() == pytest.approx(law.stress, rel=1e-9)
+        circle_on_block(Peeling(0.1 * E)).solve()
+
+
+@pytest.mark.serial
+def test_an_edge_grazes_that_its_shear_would_peel_off():
+    """It slides without pressure, with a part of the shear; Coulomb's law for mu to infinity."""
+    problem = circle_on_block(fm.Tresca(0.1 * E))
+    pressed, contact = problem.state(), problem.equations.contacts[0]
+    assert problem.solve().num_iterations <= 12
     edge = contact.active_nodes[0]
-    assert contact.z_tau[edge] == pytest.approx(contact.pressure[edge], rel=1e-9)
-    assert 0.0 < contact.pressure[edge] < 0.1 * law.stress
+    assert np.flatnonzero(contact.active & (np.abs(contact.branch) == GRAZE)).tolist() == [edge]
+    shear, pressure = contact.z_tau.copy(), contact.pressure.copy()
+    assert abs(pressure[edge]) < 1e-9 * pressure.max()
+    assert abs(contact.gap[edge]) < 1e-10
+    assert 0.0 < shear[edge] < 0.1 * E
+    assert contact.now.slip[edge] > 0.0
+    assert problem.check_tangent(print_table=False).slopes["whole"] > 1.95
+    slopes = []  # of the shear by the pressure of the edge, whose shear is mu times its pressure
+    for mu in (10.0, 30.0):
+        problem.restore(pressed)
+        contact.pair.law = fm.Coulomb(mu, max_shear=0.1 * E)
+        problem.solve()
+        assert contact.z_tau[edge] == pytest.approx(mu * contact.pressure[edge], rel=1e-9)
+        slopes.append(np.abs(contact.z_tau - shear).max() / contact.pressure[edge])
+    assert slopes[0] == pytest.approx(slopes[1], rel=0.03)
 
 
 @pytest.mark.once

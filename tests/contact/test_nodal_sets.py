@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.interface_fields import InterfaceFields, InterfaceState
+from fenics_mortar.contact.fields import ContactFields, InterfaceFields, InterfaceState
 from fenics_mortar.contact.law import Row
 from fenics_mortar.contact.rows import MAX_CHANGES, ContactRows, MultiplierNodes, updated_set
 
@@ -40,7 +39,7 @@ def fields(gap, z, a, before, covered=True, modulus=5.0):
     """Nodes with c_n = 1 and length 1, whose law keeps the shear; normals along y."""
     gap, count = np.asarray(gap), len(z)
     pull = np.full(count, a)
-    pair = SimpleNamespace(law=SimpleNamespace(bridges_gap=True))
+    pair = SimpleNamespace(law=SimpleNamespace(bridges_gap=True, grazes=False))
     interface = SimpleNamespace(
         foundation=np.full(count, modulus), modulus=np.full(count, modulus), pair=pair,
         set_aside=np.zeros(count, bool),

@@ -351,7 +351,7 @@ def test_a_path_with_cuts_ends_where_one_solve_does():
     assert np.abs(cut - whole).max() < 1e-8 * np.abs(whole).max()
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("degrees", [(1, 1), (2, 1), "in space"])
 def test_results_are_those_of_one_rank(degrees):
     found = []

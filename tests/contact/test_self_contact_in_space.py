@@ -15,6 +15,7 @@ from space_self_scenes import clamp, cracked, extruded_strip, flattened_tube, st
 import fenics_mortar as fm
 from fenics_mortar.contact import contact as contact_module
 from fenics_mortar.energies import linear_elastic
+from fenics_mortar.interface.corners import SharpEdges
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from meshes.mapped_boxes import SIDES, Box, block
@@ -335,7 +336,7 @@ def test_a_sharp_edge_takes_the_normal_of_the_side_that_faces_its_own_masters(ga
     scene = beside_a_wall(gap, True)
     assert scene.solve().certificate.violations() == []
     contact = scene.problem.equations.contacts[0]
-    sharp = contact.slave.sharp_edges.nodes
+    sharp = SharpEdges(contact.slave).nodes
     X = contact.slave.X[sharp]
     of_block = np.abs(X[:, 1] - 0.5) < 0.6
     at_edge = sharp[of_block & np.isclose(X[:, [0, 2]], [1.0, 0.0]).all(axis=1)]

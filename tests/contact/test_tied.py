@@ -28,6 +28,7 @@ from tied_scenes import (
 import ufl
 
 import fenics_mortar as fm
+from fenics_mortar.contact import tied_rows
 from meshes.mapped_grids import Grid, block, build
 
 
@@ -45,6 +46,20 @@ def test_four_tied_blocks_share_a_corner_for_all_roles(roles):
         2,
         2,
     ]
+
+
+@pytest.mark.once
+def test_a_tie_that_yields_nodes_is_integrated_once(monkeypatch):
+    """Although others have no partner: these are known."""
+    data, calls = blocks(width_upper=1.6), []
+    problem, _ = tied(data, [fm.TiedPair(data, *ROLES[0])], ENDS, STRAIN - np.eye(2))
+    (tie,) = problem.equations.contacts
+    evaluate = tied_rows.evaluate_mortar
+    monkeypatch.setattr(tied_rows, "evaluate_mortar", lambda g: calls.append(g) or evaluate(g))
+    before, carries = tie.multiplier_nodes, np.flatnonzero(tie.multiplier_nodes)
+    assert not before.all()
+    tie.drop(np.isin(np.arange(before.size), carries[:1]))
+    assert len(calls) == 1 and np.array_equal(np.flatnonzero(tie.multiplier_nodes), carries[1:])
 
 
 @pytest.mark.once

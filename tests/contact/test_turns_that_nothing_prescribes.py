@@ -14,7 +14,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.arcs import Carried, Place, doubt_beside_known, way_past
-from fenics_mortar.equations import solver
+from fenics_mortar.equations import turns
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 from fenics_mortar.verify.checks.friction_work import uncertain_rotation
 from fenics_mortar.verify.node_paths import turn_of
@@ -251,6 +251,6 @@ def test_a_wheel_rolls_between_moved_obstacles():
 def test_slip_that_does_not_settle_fails_the_step(monkeypatch):
     load = lens_on_block("lens", "axle", (0.0, 0.0))
     load(1.0, 0.0)
-    monkeypatch.setattr(solver, "lead_by_solution", lambda *_: 0.02)
+    monkeypatch.setattr(turns, "lead_by_solution", lambda *_: 0.02)
     with pytest.raises(fm.NotConvergedError, match="still changes by 0.02 of their way"):
         load(1.0, 0.2)

@@ -6,9 +6,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import test_adhesion
-from scenes import linear_elastic, neo_hookean, pressed_blocks
+from scenes import internal, linear_elastic, neo_hookean, pressed_blocks
 from test_operators import dense
 from test_reduced import loaded_blocks
+
+import ufl
+from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.la.system import SaddleSystem
@@ -210,3 +213,30 @@ def test_factors_of_other_data_are_not_used():
     loads["modulus"].value /= 2.0
     assert problem.equations.reduced_tangent() is not None
     check(problem)
+
+
+def test_bending_of_a_strip_500_times_as_long_as_thick():
+    """Its residual is rounding, 7e-5 of the load; the solution was refused as that of a singular A.
+
+    The force on a prop at the end, lifted by a tenth of the free deflection q / (8 E I), is that of
+    a beam, 3/8 q / 10; the prop is round, and touches the last facet.
+    """
+    count, thickness, modulus = 250, 0.002, 1e5
+    x = [(x, y) for y in (0.0, thickness) for x in np.linspace(0.0, 1.0, count + 1)]
+    cells = [(i, i + 1, i + count + 2, i + count + 1) for i in range(count)]
+    sides = {"left": [(0, count + 1)], "bottom": [(i, i + 1) for i in range(count)]}
+    data = fm.mesh_from_arrays(x, cells, bodies={"strip": range(count)}, boundaries=sides)
+    V = fm.vector_space(data.mesh, 2)
+    u, load = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.1))
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    residual = internal(u, linear_elastic(u, modulus, 0.3))
+    residual -= ufl.inner(load, ufl.TestFunction(V)) * dx
+    weight, bending = 0.1 * thickness, modulus / 0.91 * thickness**3 / 12.0
+    prop = fm.Circle((1.0, -5.0 - 0.9 * weight / 8.0 / bending), 5.0)
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, "bottom", prop)],
+        bcs=[fm.dirichlet(V, data, "left", (0.0, 0.0))], petsc_options_prefix="strip_",
+    )  # fmt: skip
+    problem.solve()
+    force = problem.contacts[0].total_force[1]
+    assert abs(force / (0.0375 * weight) - 1.0) < 0.01

@@ -250,7 +250,7 @@ def test_a_problem_without_pairs_needs_the_names():
     assert forces[0][1] > 0.5
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 def test_names_are_the_same_on_all_ranks():
     problem = uniaxial(stack(), -0.015)
     with refused(fm.MortarError, "reaction: boundary is"):

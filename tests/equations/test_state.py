@@ -8,7 +8,7 @@ import pytest
 from scenes import neo_hookean, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.contact.interface_fields import InterfaceState
+from fenics_mortar.contact.fields import InterfaceState
 from fenics_mortar.equations.general import State
 
 PARTS = {field.name for field in fields(InterfaceState)}

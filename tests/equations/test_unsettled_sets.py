@@ -10,7 +10,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.equations.linearized_contact import LinearizedContact, displacements
-from fenics_mortar.rigid.proximal import RIGID
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block
 

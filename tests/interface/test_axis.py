@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.bulk.checks import radial_dofs_on_axis
+from fenics_mortar.bulk.revolution import radial_dofs_on_axis
 
 
 @pytest.mark.each

@@ -135,7 +135,7 @@ def test_facets_inside_a_body_are_refused():
         problem_on(data)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("tagged_by", ["both ranks", "owner", "the other"])
 def test_facets_between_two_ranks_are_known_to_be_inside(tagged_by):
     """Without ghost cells (dolfinx 0.9) a rank has only one cell of such a facet."""

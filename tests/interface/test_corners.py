@@ -8,6 +8,7 @@ import pytest
 from test_sight import Scene, at, whole
 
 import fenics_mortar as fm
+from fenics_mortar.interface.corners import SharpEdges
 from meshes.mapped_grids import block
 
 
@@ -34,7 +35,7 @@ def chosen(scene, x=None, ends=None):
     With ``ends`` (m, 2, 2) of the master's facets, if not those of the scene.
     """
     slave, master, o = scene.contact.slave, scene.contact.master, scene.contact.operators
-    x, m, edges = o.x if x is None else x, o.m, slave.sharp_edges
+    x, m, edges = o.x if x is None else x, o.m, SharpEdges(slave)
     if ends is not None:
         m = np.reshape(ends, (-1, 2))
         master = SimpleNamespace(facets=np.arange(len(m)).reshape(-1, 2))
@@ -44,7 +45,7 @@ def chosen(scene, x=None, ends=None):
 
 
 @pytest.mark.once
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 def test_corners_that_lie_flat_take_the_normal_of_the_flat_facet():
     """The outline goes counter-clockwise: the lower side comes after the left end's corner."""
     scene = arms("right")
@@ -67,7 +68,7 @@ def test_the_nearest_of_three_normals_is_taken(degrees, facet):
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     x = (X - TIP) @ turn.T + TIP + [0.0, 1e-3]
     assert chosen(scene, x)[TIP] == facet
-    links, alone = slave.sharp_edges.links(np.full(4, BOTH))
+    links, alone = SharpEdges(slave).links(np.full(4, BOTH))
     assert not alone.any() and np.array_equal(links, (slave.previous, slave.following))
 
 
@@ -91,7 +92,7 @@ def test_a_facet_between_corners_keeps_its_partner_if_one_of_them_takes_its_norm
     bar = whole("bar", block(5, 1, width=1.0, height=0.1, corner=(0.0, 0.0)))
     ground = whole("ground", block(5, 1, width=1.0, height=0.1, corner=(0.0, -0.1)))
     slave = Scene([bar, ground], [("bar", "ground")], [(at(1, -0.1), None)]).contact.slave
-    edges = slave.sharp_edges
+    edges = SharpEdges(slave)
     x = slave.X[edges.nodes]
     low, high = (np.flatnonzero(np.isclose(x, (1.0, y)).all(axis=1))[0] for y in (0.0, 0.1))
     end = np.isclose(slave.X[slave.facets][:, :, 0], 1.0).all(axis=1)

@@ -68,6 +68,18 @@ def reversed_facets(facets):
     return facets[:, order[facets.shape[1]]]
 
 
+def renumbered(facets, rng):
+    """Facets that begin at other corners, at random."""
+    count = 3 if facets.shape[1] in (3, 6) else 4
+    first = rng.integers(0, count, (len(facets), 1))
+    order = (first + np.arange(count)) % count
+    on_edges = facets[:, count : 2 * count]
+    parts = [np.take_along_axis(facets[:, :count], order, axis=1), facets[:, 2 * count :]]
+    if on_edges.shape[1]:
+        parts.insert(1, np.take_along_axis(on_edges, order, axis=1))
+    return np.concatenate(parts, axis=1)
+
+
 def cube_sphere(cells, split, grading=0.0, seed=0):
     """Nodes on the unit sphere and facets, quad4 or, where ``split``, tri3."""
     flat, quads = grid(4, cells)

@@ -5,16 +5,11 @@ import numpy as np
 import pytest
 from surfaces_in_space import rotation
 
-from fenics_mortar.kernels.space.inside import (
-    RAY,
-    depths_inside,
-    find_piercings,
-    winding_number,
-)
-from fenics_mortar.kernels.space.passage import (
-    find_events,
+from fenics_mortar.kernels.passage import (
+    find_events_in_space,
     roots_of_cubic,
 )
+from fenics_mortar.kernels.space.inside import RAY, depths_inside, find_piercings, winding_number
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
 
@@ -181,19 +176,21 @@ def test_times_at_which_a_node_meets_a_turning_triangle():
     x0 = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 1.0], [3.0, 3.0, 1.0]])
     x1 = x0 + np.outer([0.2, 0.2, 0.2, -1.4, -1.4], [0, 0, 1])
     triangle, none = np.array([[0, 1, 2]]), np.empty((0, 3))
-    (row,) = find_events(x0, x1, np.array([[3], [4]]), triangle, none)
+    (row,) = find_events_in_space(x0, x1, np.array([[3], [4]]), triangle, none)
     assert row[:4] == pytest.approx([0, 0, 1.0 / 1.6, 1.0])
-    (row,) = find_events(x1, x0, np.array([[3], [4]]), triangle, none)
+    (row,) = find_events_in_space(x1, x0, np.array([[3], [4]]), triangle, none)
     assert row[:4] == pytest.approx([0, 0, 1.0 - 1.0 / 1.6, -1.0])
-    assert not len(find_events(x0, x1, np.array([[0]]), triangle, none))
+    assert not len(find_events_in_space(x0, x1, np.array([[0]]), triangle, none))
 
 
 def test_times_at_which_edges_meet():
     x0 = np.array([[-1.0, 0, 1], [1, 0, 1], [0, -1, 0], [0, 3, 0]])
     x1 = x0 - [[0, 0, 4], [0, 0, 4], [0, 0, 0], [0, 0, 0]]
     edge, other, up = np.array([[0, 1]]), np.array([[2, 3]]), np.array([[0.0, 0, 1]])
-    (row,) = find_events(x0, x1, edge, other, up)
+    (row,) = find_events_in_space(x0, x1, edge, other, up)
     assert row == pytest.approx([0, 0, 0.25, 1.0, 0.5])
-    (row,) = find_events(x0, x1, edge, other, -up)
+    (row,) = find_events_in_space(x0, x1, edge, other, -up)
     assert row[3] == -1.0
-    assert not len(find_events(x0 + 5 * np.eye(3)[0] * [[1], [1], [0], [0]], x1, edge, other, up))
+    assert not len(
+        find_events_in_space(x0 + 5 * np.eye(3)[0] * [[1], [1], [0], [0]], x1, edge, other, up)
+    )

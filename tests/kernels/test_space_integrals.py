@@ -10,6 +10,8 @@ from surfaces_in_space import (
     integrate,
     linearize,
     move_corners,
+    normals,
+    renumbered,
     reversed_facets,
     rotation,
 )
@@ -78,6 +80,36 @@ def test_listed_points_have_the_integrals_of_both_sides(kind, master_kind):
         np.add.at(sums, facet, area[:, None] * N[:, 0])
         np.add.at(products, pair, area[:, None, None] * N[:, 0, :, None] * L[:, 0, None])
         assert np.abs(sums - De).max() < 1e-14 and np.abs(products - B).max() < 1e-14
+
+
+def matrices(x, slave, m, master, points):
+    """D, M and the integrals of the gap by the numbers of the nodes."""
+    offsets, found = find(x, slave, m, master)
+    pairs, rule = master[found], triangle_rule(points)
+    _, Me, G, B = integrate((x, normals(x, slave)[0], m), slave, pairs, offsets, rule)[:4]
+    owner = np.repeat(np.arange(len(slave)), np.diff(offsets))
+    D, M, gap = np.zeros((len(x), len(x))), np.zeros((len(x), len(m))), np.zeros(len(x))
+    np.add.at(D, (slave[:, :, None], slave[:, None]), Me)
+    np.add.at(M, (slave[owner][:, :, None], pairs[:, None]), B)
+    np.add.at(gap, slave, G)
+    return D, M, gap
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("master_kind", KINDS)
+@pytest.mark.parametrize("jiggle", [0.0, 0.06])
+def test_integrals_do_not_depend_on_the_numbers_of_nodes(kind, master_kind, jiggle):
+    """On curved surfaces, and on facets that are no parallelograms, the rule has an error."""
+    (x, _, m), slave, master, Q = flat_pair(kind, master_kind, jiggle)
+    rng = np.random.default_rng(5)
+    for nodes in (x, m):
+        nodes -= 0.3 * np.outer(((nodes @ Q - 0.5)[:, :2] ** 2).sum(axis=1), Q[:, 2])
+    expected = matrices(x, slave, m, master, 7)
+    others = matrices(x, renumbered(slave, rng), m, renumbered(master, rng), 7)
+    exact = matrices(x, slave, m, master, 64)
+    for one, other, limit in zip(expected, others, exact):
+        assert np.abs(one - other).max() < 1e-14 * np.abs(limit).max()
+        assert np.abs(one - limit).max() < 2e-3 * np.abs(limit).max()
 
 
 @pytest.mark.parametrize("points", [3, 6, 12])
@@ -168,10 +200,10 @@ def test_derivatives_turn_with_the_bodies_and_vanish_for_translations():
     out, _, _ = linearize((x, n, m), slave, masters, offsets, given)
     moved = x @ Q.T + shift, n @ Q.T, m @ Q.T + shift
     turned, _, _ = linearize(moved, slave, masters, offsets, given)
-    for one, other, normals in zip(out[:2], turned[:2], (0, 4)):
+    for one, other, of_normals in zip(out[:2], turned[:2], (0, 4)):
         one, other = (a.reshape(*a.shape[:2], -1, 3) for a in (one, other))
         assert np.abs(one @ Q.T - other).max() < 1e-12 * np.abs(one).max()
-        sums = one[:, :, : one.shape[2] - normals].sum(axis=2)
+        sums = one[:, :, : one.shape[2] - of_normals].sum(axis=2)
         assert np.abs(sums).max() < 1e-13 * np.abs(one).max()
 
 

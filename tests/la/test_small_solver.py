@@ -62,6 +62,18 @@ def test_a_singular_matrix_is_refused_by_both():
         solver(SMALL).solve(matrix(np.ones((3, 3))), np.array([1.0, 2.0, 3.0]))
 
 
+@pytest.mark.parametrize("net", [1e-4, 3e-3])
+@pytest.mark.parametrize("options", [SMALL, DIRECT])
+def test_a_small_load_that_a_singular_matrix_cannot_carry_is_refused(options, net):
+    """The residual is as small as in bending of thin bodies, but a refinement doubles x."""
+    random, n = np.random.default_rng(0), 60
+    step = np.eye(n, k=1)[:-1] - np.eye(n)[:-1]
+    A, b = step.T @ np.diag(random.uniform(1.0, 2.0, n - 1)) @ step, random.normal(size=n)
+    b = (b - b.mean()) / np.linalg.norm(b - b.mean()) + net / np.sqrt(n)
+    with pytest.raises(MortarError, match="singular"):
+        solver(options).solve(matrix(A), b)
+
+
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
 def test_pivots_are_independent_of_units(unit):
     A, b = np.diag([2.0, 3.0, 4.0]) + 0.1, np.array([1.0, 2.0, 3.0])
@@ -69,6 +81,18 @@ def test_pivots_are_independent_of_units(unit):
     x = few.solve(matrix(1e-12 * unit * A), b)
     assert np.allclose(1e-12 * unit * A @ x, b, rtol=1e-13)
     assert not few.remark
+
+
+@pytest.mark.parametrize("transpose", [False, True])
+def test_rounding_of_large_terms_that_cancel_is_no_failure(transpose):
+    """A chain of springs of 1e8 on springs of 1, moved as a whole: forces are 1, terms 4e8."""
+    n = 40
+    step = np.eye(n, k=1)[:-1] - np.eye(n)[:-1]
+    A, b = np.eye(n) + 1e8 * step.T @ step, np.ones(n)
+    few = solver(SMALL)
+    x = few.solve(matrix(A), b, transpose=transpose)
+    assert not few.remark
+    assert np.allclose(x, 1.0, rtol=1e-6)
 
 
 def matrix_in_pairs(values):

@@ -9,7 +9,8 @@ from scenes import pressed_blocks
 from space_pairs import pressed
 
 import fenics_mortar as fm
-from fenics_mortar.la.multigrid import ContactPreconditioner, Replacement, Strip
+from fenics_mortar.la.multigrid import ContactPreconditioner, Replacement
+from fenics_mortar.la.touching import Strip
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 12, "n_lower": 20, "layers_upper": 12, "layers_lower": 12}

@@ -218,6 +218,12 @@ def with_mixed_cells():
     return model
 
 
+def empty():
+    """As what is made without ``gmsh.initialize()``: gmsh 4.8 prints that and goes on."""
+    gmsh.model.add("empty")
+    return gmsh.model
+
+
 def with_serendipity_cells():
     model = two_blocks.build()
     gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
@@ -240,6 +246,7 @@ def with_curve_without_mesh():
     ("build", "match"),
     (
         (lambda: plate(groups=False), "surface 1 is in no physical group"),
+        (empty, r"was gmsh.initialize\(\) called"),
         (lambda: plate(mesh=False), r"no elements of dimension 2; was .*generate\(2\)"),
         (lambda: plate(dim=3), "volume 1 is in no physical group"),
         (lambda: plate(z=0.1), "z varies by 0.0998"),

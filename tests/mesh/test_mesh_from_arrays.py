@@ -138,6 +138,11 @@ def test_cell_flags_and_a_constant_third_coordinate_are_accepted():
         ),
         ({"boundaries": {"a": [(2, 4)]}}, "one from node 2 to node 4"),
         (
+            {"boundaries": {"a": [(1, 0, 2)]}},
+            r"no nodes of 1 of its facets, one from node 0 to node 1 around \(0.5, 0\): expected "
+            "the corners of each facet, as cells of order 1 have",
+        ),
+        (
             {"boundaries": {"a": [(0, 1)], "b": [(1, 0)]}},
             r"the facet from node 0 to node 1 is in the boundaries \['a', 'b'\]",
         ),

@@ -19,7 +19,7 @@ from heat_scenes import stacked_in_space
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.cells import triangulate
-from fenics_mortar.models.in_space import Section, interpolate
+from fenics_mortar.models.in_space import Section, extrapolate
 from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
 from fenics_mortar.obstacles.rigid_motion import rotation_by
 
@@ -139,12 +139,12 @@ def test_points_outside_take_the_nearest_values():
     field = np.stack([2.0 * body.X[:, 0] - body.X[:, 1], body.X[:, 1]], axis=1)
     points = np.array([(0.3, 0.2), (0.37, 0.6), (-1.1, 0.21), (1.3, 0.9), (0.1, -0.2)])
     on = np.array([(0.3, 0.2), (0.37, 0.5), (-1.0, 0.21), (1.0, 0.5), (0.1, 0.0)])
-    found, distances = interpolate(body, field, points)
+    found, distances = extrapolate(body, field, points)
     assert found == pytest.approx(
         np.stack([2.0 * on[:, 0] - on[:, 1], on[:, 1]], axis=1), rel=1e-12
     )
     assert distances == pytest.approx([0.0, 0.1, 0.1, 0.5, 0.2], abs=1e-12)
-    nowhere, none = interpolate(body, field, points[: 2 * (body.comm.rank == 0)])
+    nowhere, none = extrapolate(body, field, points[: 2 * (body.comm.rank == 0)])
     assert len(nowhere) == len(none) == 2 * (body.comm.rank == 0)
 
 

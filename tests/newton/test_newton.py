@@ -211,6 +211,9 @@ class Springs:
     def max_motion(self):
         return 0.0
 
+    def tipping(self):
+        return ""
+
     def remaining(self):
         return proximal.Remaining(0.0, 0.0, "")
 

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.utils.errors import NotFiniteError
+from fenics_mortar.utils.errors import NotConvergedError, NotFiniteError
 
 
 def on_obstacle(obstacle, slave="slave", **options):
@@ -59,6 +59,15 @@ def test_distance_that_is_not_finite_is_refused_with_its_point(what, at_once):
         problem.solve()
     floor.on = False
     assert on_obstacle(floor.obstacle).solve().converged
+
+
+def test_body_behind_an_obstacle_is_told():
+    """The message was that a node overlaps by ten facets, and to take smaller steps."""
+    with refused(
+        NotConvergedError, "whole body of 'slave' lies in .* 'plane' at the start of this solve, 3 "
+        r"to 4 behind its surface, the latter at \(.*, 1\): .* move the obstacle back by 4"
+    ):  # fmt: skip
+        on_obstacle(fm.Plane((0.0, 5.0), (0.0, 1.0))).solve()
 
 
 @pytest.mark.each
@@ -274,6 +283,7 @@ def test_deep_obstacle_that_faces_the_body_is_an_interference():
         ([(0, 0), (1, 0), (1, 1), (0, 0)], "intersects itself"),
         ([(0, 0), (1, 0), (2, 0)], "two edges of the polygon overlap"),
         ([(0, 0), (2, 0), (2, 2), (1, 0.01), (0, 2)], "reduced by rounding=0.02 intersects itself"),
+        ([(0, 0), (0.03, 0), (0.03, 1), (0, 1)], r"rounding=0.02: expected less than 0.015"),
         ("abc", "points='abc': expected real numbers"),
     ],
 )

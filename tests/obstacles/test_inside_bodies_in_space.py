@@ -4,12 +4,15 @@
 Each scene of the first kind has no nodal force, so that Newton's method is content with it.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import space_scenes
 from refusal import refused
 
 import fenics_mortar as fm
+from fenics_mortar.contact.interface import or_other_weights
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block
 
@@ -172,6 +175,13 @@ def test_other_weights_are_advised_beside_an_edge_where_they_are_positive(order)
     remarks = problem.solve().certificate.remarks()
     (remark,) = [text for text in remarks if "facets reach beyond an edge" in text]
     assert ("gap_weights='standard'" in remark) == (order == 1)
+
+
+def test_weights_that_a_pair_has_are_not_advised():
+    for weights, advised in (("cover", True), ("standard", False)):
+        pair = SimpleNamespace(discretization=fm.Discretization(gap_weights=weights))
+        contact = SimpleNamespace(basis="dual", slave=SimpleNamespace(degree=1), pair=pair)
+        assert bool(or_other_weights(contact)) == advised
 
 
 def test_nodes_that_are_loaded_far_from_a_small_ball_are_refused():

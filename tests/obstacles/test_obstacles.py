@@ -9,7 +9,7 @@ from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, r
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.interface.integrals import MortarOptions
+from fenics_mortar.interface.mortar import MortarOptions
 from fenics_mortar.interface.on_obstacle import OnFacets, integrate_facets, obstacle_normals
 from fenics_mortar.interface.reference import facet_rule, hand_over, tabulate
 from meshes import two_blocks

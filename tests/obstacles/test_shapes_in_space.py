@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.interface.integrals import MortarOptions
+from fenics_mortar.interface.mortar import MortarOptions
 from fenics_mortar.interface.on_obstacle import (
     OnFacets,
     integrate_facets,

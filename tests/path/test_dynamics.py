@@ -13,6 +13,7 @@ from demos.studies.dynamics.scenes import (
     E,
     bar,
     changes_in_free_flight,
+    dropped_block,
     free_block,
     oscillator,
     rings,
@@ -217,6 +218,20 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
     assert np.ptp(place[time > 2.2 * half]) < 1e-3 * start  # it sticks
     lost = 0.5 * stiffness * (start**2 - place[-1] ** 2)
     assert record.friction_work == pytest.approx(lost, rel=0.01)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("stress, step, speed", [(2.0, 0.02, 0.5), (5.0, 0.01, 1.0)])
+def test_an_oblique_impact_with_tresca_friction_goes_on(stress, step, speed):
+    """Shear without pressure would peel off the corner of the upper block."""
+    made = dropped_block(4, 0.05, law=fm.Tresca(stress))
+    motion = made.dynamics("conserving")
+    made.set_velocity(motion, {"upper": (speed, -0.5, 0.0)})
+    record = motion.run(0.6, fm.SteppingOptions(step=step, smallest=step / 4.0))
+    lost = record.start.total - record.steps[-1].energies.total
+    assert 0.0 < lost < record.start.total
+    assert lost == pytest.approx(record.friction_work, abs=2e-3 * record.start.total)
+    assert record.num_cuts == 0 and record.num_iterations < 6 * len(record.steps)
 
 
 @pytest.mark.serial

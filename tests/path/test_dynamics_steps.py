@@ -81,7 +81,7 @@ def test_a_checkpoint_of_statics_is_refused(shared_path):
         fm.load_state(made.problem, shared_path / "state")
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 def test_result_is_independent_of_the_number_of_ranks():
     last = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):

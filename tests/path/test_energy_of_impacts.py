@@ -197,7 +197,7 @@ def test_a_central_force_on_a_block_keeps_the_angular_momentum():
     assert abs(motion.momentum()[2] - before) < 1e-11 * abs(before)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 def test_impacts_conserve_energy_and_momentum_on_several_ranks():
     made = rings(12, 2)
     motion = made.dynamics("conserving")
@@ -325,3 +325,24 @@ def test_a_soft_layer_stores_the_kinetic_energy_of_a_block(scheme):
     assert min(step.energies.total for step in record.steps) < 0.03 * record.start.total
     assert record.steps[-1].energies.total == pytest.approx(record.start.total, rel=2e-3)
     assert record.remark() == ""
+
+
+@pytest.mark.serial
+def test_energy_in_a_nonlinear_layer_is_exact_in_long_steps():
+    """Of p = k o^2: k o^3 / 3 per length, in ten steps from the first touch to the return."""
+    k, speed = 2e4, 0.2
+    grid = Grid("block", block(2, 3, width=1.0, height=1.0))
+    pair = ("block/bottom", fm.Plane((0.0, 0.0), (0.0, 1.0)))
+    made = scene([grid], [pair], law=SoftLayer(k, 2.0), modulus=2e3)
+    motion, totals = made.dynamics("conserving"), []
+    made.set_velocity(motion, {"block": (0.0, -speed, 0.0)})
+    contact = made.problem.equations.contacts[0]
+
+    def note(*_):
+        overlap = np.maximum(-contact.now.mean_gap, 0.0)
+        stored = contact.operators.weight @ (k * overlap**3 / 3.0)
+        totals.append(motion.energies().total + stored)
+
+    record = motion.run(0.3, fm.SteppingOptions(step=0.03), on_step=note)
+    assert min(step.energies.total for step in record.steps) < 0.15 * record.start.total
+    assert totals == pytest.approx([record.start.total] * len(totals), rel=2e-3)

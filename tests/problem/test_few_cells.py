@@ -104,7 +104,7 @@ def difference(one, other):
     return ""
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("case", cases(COMM.size))
 def test_results_on_ranks_without_cells_are_those_on_one_rank(case, alone, shared_path):
     results = few_cells_program.collect(*few_cells_program.parse(case), shared_path)

@@ -134,7 +134,7 @@ def test_offset_that_is_not_finite_since_it_was_set_is_refused_by_solve():
         scene.problem.solve()
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize(
     "what", ["offset of", "a prescribed displacement", "place of", "push of", "nan in offset of"]
 )

@@ -18,7 +18,7 @@ import pytest
 import fenics_mortar as fm
 from fenics_mortar import energies, laws, sensitivity
 from fenics_mortar.bulk.inertia import Rates
-from fenics_mortar.contact.interface_fields import InterfaceState
+from fenics_mortar.contact.fields import InterfaceState
 from fenics_mortar.contact.law import Nodal, Row
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.general import State

@@ -32,4 +32,4 @@ def test_each_has_a_meaning_and_each_quantity_a_unit():
 def test_some_are_found_in_modules_and_in_frozen_classes():
     found = {threshold.name: threshold for threshold in thresholds()}
     assert found["HALF_FACET"].value == "0.5"
-    assert found["normals_err"].module == "rigid/proximal.py"
+    assert found["normals_err"].module == "obstacles/rigid_motion.py"

@@ -15,9 +15,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.rigid.complementarity import nearest_below
 from fenics_mortar.rigid.floating import _beginnings, unsupported
-from fenics_mortar.rigid.proximal import RIGID
 from meshes.mapped_grids import Grid, block, mesh
 
 comm = MPI.COMM_WORLD

@@ -24,7 +24,7 @@ class Scripted:
 
     def __init__(self, script):
         self.script, self.place, self.springs, self.anchored = list(script), 0, self, []
-        self.shares = []
+        self.shares, self.ends = [], []
 
     def state(self):
         return self.place
@@ -42,6 +42,9 @@ class Scripted:
     def max_motion(self):
         return 1.0 if self.script else 0.0
 
+    def tipping(self):
+        return "falls" if "falls" in self.ends else ""
+
     def remaining(self):
         return proximal.Remaining(self.fraction, 0.0, "scripted")
 
@@ -49,11 +52,17 @@ class Scripted:
         self.place += 1
         report = fm.NewtonReport(converged=True)
         how = self.script.pop(0) if self.script else "yes"
-        words = {"lifted": np.inf, "yes": 0.0, "no": 0.0}
+        self.ends = [how]
+        words = {"lifted": np.inf, "yes": 0.0, "no": 0.0, "falls": 0.5}
         self.fraction = words[how] if how in words else float(how)
         if how == "no":
             raise fm.NotConvergedError("scripted", report)
         return report
+
+
+def test_bodies_that_tip_over_on_springs_come_first_in_the_message(monkeypatch):
+    with pytest.raises(fm.NotConvergedError, match="^falls; at first"):
+        run(monkeypatch, "yes falls no no no no no")
 
 
 def run(monkeypatch, script):
@@ -193,7 +202,7 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
         begun.append(problem.equations.bulk.u.x.array.copy())
         return fm.NewtonReport(converged=True)
 
-    monkeypatch.setattr(solver, "solve", fails)
+    monkeypatch.setattr(solver.loop, "solve", fails)
     monkeypatch.setattr(solver, "solve_with_springs", with_springs)
     monkeypatch.setattr(problem.equations.remedies, "drifts", lambda: False)
     problem._solver._solve()
@@ -204,7 +213,7 @@ def test_springs_without_contact_are_reported():
     cases = {(1.0, 4.0): 0.25, (0.0, 0.0): 0.0, (1e-9, 0.0): np.inf}
     for (springs, contact), expected in cases.items():
         carried = carried_by(disk(contact), np.array([0.0, springs]))
-        assert carried == ("disk", expected, False, "turn" if springs else "")
+        assert carried == ("disk", expected, False, "turn" if springs else "", False)
 
 
 def disk(force, contacts=(), at=None):

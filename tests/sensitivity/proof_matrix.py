@@ -20,7 +20,8 @@ import ufl
 import fenics_mortar as fm
 from fenics_mortar import sensitivity as se
 from fenics_mortar.laws import Cohesive, MixedCohesive, Worn
-from fenics_mortar.sensitivity.controls import controls_of, dot
+from fenics_mortar.sensitivity.controls import dot
+from fenics_mortar.sensitivity.forms import controls_of
 
 # Steps of Taylor tests over the sizes of the changes, each with its halves; the shorter ones are
 # for nodes that change their sets.

@@ -25,7 +25,7 @@ def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True, held=False
 
     Prescribed values do not change if ``held``.
     """
-    history = StepHistory(problem, before)
+    history = StepHistory(problem.equations, before)
     contact = problem.equations.contacts[0]
     present = problem.state()
     frames = [c.rows.frame() for c in problem.equations.contacts]
@@ -157,18 +157,18 @@ def test_nodes_that_supports_carry_into_contact_are_refused():
         problem.solve(predict=False)
         scenes.exact(problem)
         if number == 0:
-            assert StepHistory(problem, before).pairs
+            assert StepHistory(problem.equations, before).pairs
             continue
         with pytest.raises(fm.MortarError, match=r"carried nodes into .* less than 0\.57 degrees"):
-            StepHistory(problem, before)
+            StepHistory(problem.equations, before)
 
 
 @pytest.mark.once
 def test_another_state_before_is_refused():
     scene, before, now = scenes.two_steps(fm.Coulomb(0.3))
     with pytest.raises(fm.MortarError, match="is not counted from the state before"):
-        StepHistory(scene.problem, now)
-    assert StepHistory(scene.problem, before).pairs
+        StepHistory(scene.problem.equations, now)
+    assert StepHistory(scene.problem.equations, before).pairs
 
 
 def test_terms_that_are_left_out_are_refused():
@@ -176,12 +176,12 @@ def test_terms_that_are_left_out_are_refused():
     scene.problem.equations.linearization = LINEARIZATIONS["no_normals"]
     scene.problem.equations.evaluate_operators()
     with pytest.raises(fm.MortarError, match="derivatives of a solution need"):
-        StepHistory(scene.problem, before)
+        StepHistory(scene.problem.equations, before)
 
 
 def test_without_friction_there_is_no_history():
     scene, before, _ = scenes.two_steps(fm.Frictionless())
-    history = StepHistory(scene.problem, before)
+    history = StepHistory(scene.problem.equations, before)
     d = scenes.random_vector(scene.problem, 1)
     assert not history.pairs and not any(z.any() for z in (history.residuals @ d).z)
 

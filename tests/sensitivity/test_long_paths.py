@@ -10,7 +10,8 @@ from test_gradient import OBJECTIVES
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
 from fenics_mortar.sensitivity import FrictionWork, TotalForce, total
-from fenics_mortar.sensitivity.controls import controls_of, dot
+from fenics_mortar.sensitivity.controls import dot
+from fenics_mortar.sensitivity.forms import controls_of
 
 # Force, and its derivatives by E and mu, of linear bodies that slide; computed on one rank.
 OF_ONE_RANK = [2.9281517352363444, 0.02928151735236369, -7.018226176978864]

@@ -21,7 +21,7 @@ from fenics_mortar import energies
 from fenics_mortar.interface.facing import both_sides
 from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.utils import compat
-from fenics_mortar.verify.overlap import facet_tractions, interface_tractions
+from fenics_mortar.verify.defects import facet_tractions, interface_tractions
 
 EACH = pytest.mark.parametrize("cell, degree", KINDS)
 COMM = MPI.COMM_WORLD
@@ -169,7 +169,7 @@ def test_estimate_does_not_depend_on_units_and_turns():
         assert found.parts[name] == pytest.approx(unit * part, rel=1e-5), name
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @EACH
 def test_estimate_is_that_of_one_rank(cell, degree):
     """The tolerance of Newton, in the root of squares."""
@@ -187,7 +187,7 @@ def test_estimate_is_that_of_one_rank(cell, degree):
     assert COMM.allreduce(len(together.mark(0.5))) == len(alone.mark(0.5))
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("tie", [False, True])
 @EACH
 def test_estimate_on_ranks_without_cells(cell, degree, tie):

@@ -471,7 +471,7 @@ def test_an_extruded_scene_has_the_results_of_the_plane(tie):
             assert np.abs(there - values).max() < 20.0 * small * scale, name
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize(
     "cell, degrees, options",
     [
@@ -508,7 +508,7 @@ def test_friction_may_vary_in_space():
     assert contact.parameters["mu"] == pytest.approx(expected, rel=1e-14)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("cell, degrees", [("hexahedron", (1, 1)), ("tetrahedron", (2, 1))])
 def test_ties_of_fields_on_ranks(cell, degrees):
     found = []

@@ -182,7 +182,7 @@ def test_choice_follows_from_the_active_nodes(monkeypatch):
     assert chosen == [False, True, False, False, False, True]
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @LAWS
 def test_results_are_those_of_one_rank(law):
     """Also with fewer cells than ranks."""

@@ -43,7 +43,7 @@ def assert_equal(*arguments, **options):
         assert np.abs(field - fields_alone[name]).max() < 1e-9 * scale, name
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_results_are_those_of_one_rank(cell, degree):
     """Slaves of linear cells are covered partly, too."""
@@ -51,7 +51,7 @@ def test_results_are_those_of_one_rank(cell, degree):
         assert_equal(cell, degree, fm.Coulomb(0.3), roles)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize(
     "law", [None, fm.Tresca(1.0), laws.Worn(0.1, 0.002), laws.MixedCohesive(100.0, 1.0, 0.1)]
 )
@@ -82,13 +82,13 @@ def test_no_pattern_of_contact_is_made(algorithm):
     assert np.allclose(norms, sizes_while_sliding(MPI.COMM_SELF, algorithm)[0], rtol=1e-9)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_ties_on_ranks(cell, degree):
     assert_equal(cell, degree, tie=True)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("tie", [False, True])
 @pytest.mark.parametrize("cell, degree", KINDS)
 def test_two_cells_on_ranks(cell, degree, tie):
@@ -97,6 +97,6 @@ def test_two_cells_on_ranks(cell, degree, tie):
     assert_equal(cell, degree, law, tie=tie, **FEW)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 def test_five_cells_on_ranks():
     assert_equal("hexahedron", 1, fm.Coulomb(0.3), upper=(1, 2, 1), lower=(3, 1, 1))

@@ -162,7 +162,7 @@ def test_rotated_surfaces_are_told(degrees, law, axis):
     assert all(abs(float(angle) - degrees) < 0.3 for angle in told)
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @LAWS
 def test_results_are_those_of_one_rank(law):
     """Also with fewer cells than ranks."""

@@ -60,7 +60,7 @@ def test_seed_gives_one_case(family):
     assert repr(DRAWS[family](np.random.default_rng(9))[0]) != repr(abouts[0])
 
 
-@pytest.mark.ranks
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("tool", [False, True])
 def test_case_in_space_is_the_same_on_any_number_of_ranks(tool):
     case = pressed(cell="tetrahedron", tool=tool)

@@ -20,8 +20,8 @@ from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.interface.reference import gauss_points
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
+from fenics_mortar.verify.defects import interface_tractions
 from fenics_mortar.verify.estimate import ErrorEstimate
-from fenics_mortar.verify.overlap import interface_tractions
 from meshes import two_blocks
 
 # Blocks of different materials with rollers on the left and below, free on the right

@@ -117,3 +117,13 @@ def test_edge_or_corner_of_a_block_on_a_sphere_beside_it_is_not_sharp(middle):
     report = problem.solve()
     assert abs(ball.reaction[0]) > 0.2 * abs(ball.reaction[2]) > 0.0
     assert angle_of(report) < 0.02
+
+
+@pytest.mark.once
+def test_a_block_that_tips_over_when_it_is_compressed_says_so():
+    """Rigid it would stand, up to a ratio of 2; the message listed its free motions in the air."""
+    problem = loose_block(fm.Plane((0.0, 0.0), (0.0, 1.0)), fm.Coulomb(5.0), (360.0, -200.0))
+    problem.equations.newton = fm.NewtonOptions(max_iterations=8)
+    message = r"^body 'block' tips over, .*: it begins to rotate about \(0.5, .*\); not converged"
+    with pytest.raises(fm.NotConvergedError, match=message):
+        problem.solve()

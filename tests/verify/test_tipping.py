@@ -26,6 +26,20 @@ def test_a_body_is_not_supported_beyond_the_edge_of_the_other_one(turn):
         list(scene.solve())
 
 
+@pytest.mark.serial
+def test_a_body_that_tips_off_an_edge_is_not_said_to_exceed_its_friction():
+    """Its weight, 0.02 beyond the edge, is within the last facet, so that the mesh may hold it."""
+    upper = Grid("upper", block(4, 2, width=0.8, height=0.3, corner=(0.82, 0.3)))
+    base = Grid("base", block(6, 2, width=1.2, height=0.3))
+    touch = Touch("upper/bottom", "base/top", fm.Coulomb(0.9))
+    bodies = [Body(upper, weight=1.5), Body(base, clamped=("bottom",))]
+    scene = pose("off_the_edge", bodies, [touch], [{"weight": 1.0}], E=1e3)
+    reason = "turn body 'upper' about .* which no friction|body 'upper' has lost all contact"
+    with pytest.raises(fm.NotConvergedError, match=reason) as error:
+        list(scene.solve())
+    assert "friction limit" not in str(error.value)
+
+
 def test_a_body_is_supported_up_to_the_edge():
     scene = overhanging(0.97)
     (report,) = scene.solve()

@@ -7,7 +7,7 @@ import inspect
 from typing import Any
 
 import fenics_mortar
-from fenics_mortar.contact.interface_fields import InterfaceState
+from fenics_mortar.contact.fields import InterfaceState
 from fenics_mortar.contact.view import PairSide
 from fenics_mortar.equations.residual import Reaction
 from fenics_mortar.newton.loop import Iteration
@@ -25,8 +25,7 @@ GROUPS = {
             "equations",
             "newton",
             "contact.view",
-            "contact.pair_side",
-            "contact.interface_fields",
+            "contact.fields",
             "verify.tangent",
             "io.paraview",
         ),
@@ -34,7 +33,7 @@ GROUPS = {
     "meshes": ("Meshes, spaces and supports", ("mesh", "utils.compat", "bulk.history")),
     "energies": ("Energies of the bodies", ("energies",)),
     "pairs": ("Contact pairs", ("contact",)),
-    "laws": ("Contact laws", ("laws", "contact.law", "contact.law_calls")),
+    "laws": ("Contact laws", ("laws", "contact.law", "contact.law_calls", "contact.conductance")),
     "obstacles": ("Rigid obstacles", ("obstacles", "rigid")),
     "paths": ("Load steps and dynamics", ("path", "bulk")),
     "sensitivities": ("Sensitivities", ("sensitivity",)),

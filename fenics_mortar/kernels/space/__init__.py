@@ -48,6 +48,5 @@ module         contents
 ``linearize``  derivatives of the integrals of functions of xi, eta and g
 ``inside``     winding numbers, depths of points in bodies (van Oosterom & Strackee 1983), edges
                that pierce triangles; partners behind both bodies
-``passage``    times at which moving nodes meet triangles, and edges edges
 =============  ===================================================================================
 """

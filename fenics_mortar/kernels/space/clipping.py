@@ -9,7 +9,9 @@ sides are decided once, with real numbers; a vertex is then known by its label a
    ds = [(1 - r) dp + r dq - (1 - s) da - s db] x (q - p) / ((b - a) x (q - p)).
 
 A node within rounding of an edge is on both sides of it, so that edges that coincide do not
-intersect. The first vertex, from which the polygon is divided into cells, is known by its place.
+intersect. The first vertex, from which the polygon is divided into cells, is known by its place,
+which the shapes of both facets determine, or, of parallelograms with one centre, the first edge of
+the slave.
 Labels of vertices are four numbers of nodes, (node, -1, -1, -1) or (a, b, p, q); two more are the
 ends of the edge that follows the vertex. A row of a polygon (v, 8) is the place, the label and
 these ends.
@@ -29,25 +31,28 @@ ON_EDGE = 1e-9
 SAME_VERTEX = 1e-10
 # Area of a polygon over that of the slave piece [1], below which it is left out.
 NEGLIGIBLE_AREA = 1e-12
-# The polygon begins at the vertex nearest to a point beside the second corner of the slave piece,
-# at these fractions of its first edge behind the first corner and across [1]: where edges or nodes
-# of both sides coincide, rounding decides on the labels of vertices, but not on the place of the
-# first one, and so not on the cells of the quadrature. No two vertices of regular meshes are
-# equally near.
-FIRST = (-1.3137, 0.1719)
+# The polygon begins at its farthest vertex in the direction of the third moments of the nodes of
+# both facets, each turned and scaled by these complex factors [1]: where edges or nodes of both
+# sides coincide, rounding decides on the labels of vertices, but not on the place of the first one,
+# and so not on the cells of the quadrature. The moments do not depend on the numbers of the nodes.
+# They vanish for parallelograms, where the error of the rule comes from normals alone: there the
+# way between the centres decides, and if these coincide, too, the first edge of the slave. No two
+# vertices of regular meshes are equally far in any of these directions.
+BY_SLAVE, BY_MASTER = (-0.9659, 0.2588), (-0.6578, -0.2394)
+BY_WAY, BY_EDGE = (1.1719e-4, 0.3137e-4), (1.3137e-9, -0.1719e-9)
 # Vertices of two clipped quadrilaterals, and those that rounding may add.
 MAX_VERTICES = 12
 
 
 @kernel
 def clipping_work(most):
-    """Polygon of at most so many vertices, a second one, and the sides of the first."""
+    """Two polygons of at most ``most`` vertices, and the sides of the vertices of the first."""
     return np.empty((most, 8)), np.empty((most, 8)), np.empty(most)
 
 
 @kernel
 def signed_area(V, count):
-    """Area of a polygon (v, 2 or more) of so many vertices, positive if counter-clockwise."""
+    """Area of a polygon (v, 2 or more) of ``count`` vertices, positive if counter-clockwise."""
     area = 0.0 * V[0, 0]
     for i in range(1, count - 1):
         area += 0.5 * cross2(
@@ -110,7 +115,7 @@ def cut(images, a, b, count, work):
 
 @kernel
 def merge(polygon, count, distance):
-    """Make one vertex of successive ones within a ``distance``, a node if one is; count them."""
+    """Merge successive vertices within a ``distance``, into a node if one is; count the result."""
     kept = 0
     for i in range(count):
         to = kept - 1 if kept > 0 else 0
@@ -133,13 +138,41 @@ def is_near(one, other, distance):
 
 
 @kernel
-def begin_near(x, y, count, work):
-    """Begin the polygon at its vertex nearest to (x, y)."""
-    polygon, new, square = work
-    first = 0
+def add_cube(factor, x, y, along):
+    """Add |r|^2 r of r = (x, y), turned and scaled by a complex ``factor``, to ``along`` (2,)."""
+    square = x * x + y * y
+    along[0] += square * (factor[0] * x - factor[1] * y)
+    along[1] += square * (factor[0] * y + factor[1] * x)
+
+
+@kernel
+def add_third_moments(factor, images, start, stop, along):
+    """Add the cubes of the places of nodes about their mean; return the mean."""
+    cx = cy = 0.0
+    for k in range(start, stop):
+        cx += images[k, 0].real / (stop - start)
+        cy += images[k, 1].real / (stop - start)
+    for k in range(start, stop):
+        add_cube(factor, images[k, 0].real - cx, images[k, 1].real - cy, along)
+    return cx, cy
+
+
+@kernel
+def begin_by_shape(images, own, count, work):
+    """Begin the polygon at a vertex that the shapes of both facets determine, see ``BY_SLAVE``.
+
+    ``own``: number of nodes of the slave facet, the first ones of ``images``.
+    """
+    polygon, new, reach = work
+    first, along = 0, np.zeros(2)
+    ax, ay = add_third_moments(BY_SLAVE, images, 0, own, along)
+    bx, by = add_third_moments(BY_MASTER, images, own, images.shape[0], along)
+    add_cube(BY_WAY, bx - ax, by - ay, along)
+    x, y = images[1, 0].real - images[0, 0].real, images[1, 1].real - images[0, 1].real
+    add_cube(BY_EDGE, x, y, along)
     for i in range(count):
-        square[i] = (polygon[i, 0] - x) ** 2 + (polygon[i, 1] - y) ** 2
-        if square[i] < square[first]:
+        reach[i] = along[0] * polygon[i, 0] + along[1] * polygon[i, 1]
+        if reach[i] > reach[first]:
             first = i
     for i in range(count):
         copy_row(polygon[(first + i) % count], new[i])
@@ -171,11 +204,6 @@ def clip(images, slave, master, area, work):
     x = images[slave[1], 0].real - images[slave[0], 0].real
     y = images[slave[1], 1].real - images[slave[0], 1].real
     count = merge(polygon, count, SAME_VERTEX * np.sqrt(x * x + y * y))
-    begin_near(
-        images[slave[0], 0].real - FIRST[0] * x + FIRST[1] * y,
-        images[slave[0], 1].real - FIRST[0] * y - FIRST[1] * x,
-        count, work,
-    )  # fmt: skip
     return count if count > 2 and signed_area(polygon, count) > NEGLIGIBLE_AREA * area.real else 0
 
 
@@ -204,7 +232,7 @@ def place_vertices(images, polygon, count, V, shares):
 
 @kernel
 def chain_vertices(images, polygon, count, shares, by_V, by_image):
-    """Add to ``by_image`` (K + K', 2, r) what the rows ``by_V`` (v, 2, r) are with respect to it.
+    """Chain rule: add derivatives by images, (K + K', 2, r), given those by vertices, (v, 2, r).
 
     Both are derivatives of r numbers, by the vertices and by the images of the nodes.
     """

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Points inside closed surfaces of triangles: winding numbers, and distances from the surface.
+"""Points inside closed surfaces of triangles, and partners behind both bodies in space.
 
-The winding number is the sum of the signs of the triangles that a ray leaves or enters through. The
-ray has a direction that is not parallel to anything in a mesh.
-
-Also edges of surfaces that pierce triangles.
-
-Partners behind a slave point in space, as ``kernels.sight`` in the plane.
+``depths_inside`` gives the depths of points in bodies by winding numbers and distances from the
+surface, ``find_piercings`` the edges of surfaces that pierce triangles. ``is_hidden``,
+``is_nearer_elsewhere`` and ``tabulate_lengths`` limit the search behind a slave point, as
+``kernels.sight`` in the plane.
 
 ``outline`` = (positions of nodes (b, 3) [length], triangles counter-clockwise seen from outside
 (m, 3), their bodies (m,), tree of their boxes, space for hits), see ``tree``.
@@ -83,7 +81,11 @@ def crossing_of(x, nodes, origin, direction, along, at):
 
 @kernel
 def winding_number(x, triangles, boxes, hits, p):
-    """Number of times that closed triangles (m, 3) with a tree of ``boxes`` contain p (3,)."""
+    """Number of times that closed triangles (m, 3) with a tree of ``boxes`` contain p (3,).
+
+    It is the sum of the signs of the triangles that a ray leaves or enters through. The ray has a
+    direction that is not parallel to anything in a mesh.
+    """
     for d in range(3):
         if not (boxes[1, d] <= p[d] <= boxes[1, 3 + d]):
             return 0

@@ -1,12 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Integrals over the common parts of slave facets and their master facets: De, Me, B and G.
 
-Quadrature points of the common part of two pieces, on both facets.
-
-The polygon is divided into a fan of triangles from its first vertex, the cells; on curved facets,
-whose integrals the rule has with an error, its place decides on digits. A point of a cell
-is V = sum_i lambda_i V_i with the weight W = w A, where lambda and w are those of the rule and A is
-the area of the cell in the plane, a measure that all integrals share.
+``tabulate_points`` evaluates the quadrature points of the common part of two pieces, on both
+facets. ``integrate_facets`` sums over the points of all pairs; ``tabulate_pairs`` lists them.
 """
 
 import numpy as np
@@ -15,6 +11,7 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import copy_row, cross2, grown
 from fenics_mortar.kernels.space.clipping import (
     MAX_VERTICES,
+    begin_by_shape,
     clip,
     clipping_work,
     place_vertices,
@@ -52,6 +49,11 @@ def points_work(x, counts, rule):
 def tabulate_points(images, facets, pieces, area, rule, polygon, table):
     """Fill ``table`` with the points of the common part of two pieces, and ``polygon``.
 
+    The polygon is divided into a fan of triangles from its first vertex, the cells; on curved
+    facets, where the rule is not exact, the place of this vertex changes digits of the integrals. A
+    point of a cell is V = sum_i lambda_i V_i with the weight W = w A, where lambda and w are those
+    of the rule and A is the area of the cell in the plane, a measure that all integrals share.
+
     Args:
         images: Flat images of the nodes, shape (K + K', 2).
         facets: See ``points_work``.
@@ -68,6 +70,7 @@ def tabulate_points(images, facets, pieces, area, rule, polygon, table):
     (a, b), (c, d) = facets[1][pieces[0]], facets[3][pieces[1]]
     own, point, q, regular = N.shape[2], corners[3], 0, True
     count = clip(images, facets[0][pieces[0]], facets[2][pieces[1]], area, work)
+    begin_by_shape(images, own, count, work)
     place_vertices(images, work[0], count, V, shares)
     for cell in range(count - 2):
         for k in range(2):

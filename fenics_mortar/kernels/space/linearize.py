@@ -41,11 +41,7 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import add_row, cross2, dot
 from fenics_mortar.kernels.space.clipping import chain_vertices
-from fenics_mortar.kernels.space.integrals import (
-    gap_at,
-    points_work,
-    tabulate_points,
-)
+from fenics_mortar.kernels.space.integrals import gap_at, points_work, tabulate_points
 from fenics_mortar.kernels.space.normals import flatten, jacobian, piece_edges, set_plane
 
 
@@ -116,7 +112,7 @@ def add_direct(W, N, L, Phi, gap, direct):
 
 @kernel
 def through_image(images, start, N, one, other, out):
-    """Fill ``out`` (2, r) with (``one``, ``other``) (r,) times the inverse of J, see above."""
+    """Fill ``out`` (2, r) with (``one``, ``other``) (r,) times J^-1, see the module."""
     xa, ya, xb, yb = jacobian(images, start, N)
     det = cross2(xa, ya, xb, yb)
     xa, ya, xb, yb = xa / det, ya / det, xb / det, yb / det

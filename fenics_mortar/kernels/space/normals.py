@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Averaged nodal normals of a surface of facets, flat or curved, with their derivatives.
+"""Normals of facets in space: averaged at the nodes, and those of the auxiliary planes of pieces.
+
+**Averaged nodal normals** of a surface of facets, flat or curved, with their derivatives, by
+``tabulate_normals``:
 
 =========  ==========================================================================  ============
 symbol     meaning                                                                     shape
@@ -16,7 +19,8 @@ curved facets are tangents at the node. With the weight ``OPPOSITE``, 1 / (|p|^2
 exact on a sphere for any mesh (Max 1999); ``UNIT`` is 1 / |p x q| (Popp, Gitterle, Gee & Wall
 2010), ``OWN`` is 1.
 
-Auxiliary plane of a linear piece of a slave facet, and projections along its normal.
+**Auxiliary plane** of a linear piece of a slave facet, by ``set_plane``. ``flatten`` projects nodes
+onto it along its normal, ``find_point`` a point of it back to a facet:
 
 ==========  ======================================================================  ============
 symbol      meaning                                                                 shape
@@ -159,7 +163,7 @@ def add_facet(x, nodes, P, Q, weighting, ring, s, ds, work):
 
 @kernel
 def tabulate_normals(x, facets, around, ring, weighting, projectors, n, dn):
-    """Fill ``n`` and ``dn``, see above.
+    """Fill ``n`` and ``dn``, see the module.
 
     Args:
         x: Positions of the nodes, shape (n, 3) [length].
@@ -259,7 +263,7 @@ def flatten(x, nodes, frame, start, images, heights):
 
 @kernel
 def piece_edges(images, corners):
-    """Edges e and f of a piece in the plane, see above; ``corners`` are rows of ``images``."""
+    """Edges e and f of a piece in the plane; ``corners`` are rows of ``images``."""
     last = corners.size - 1
     start = corners[0] if last == 2 else corners[1]
     return (

@@ -78,8 +78,8 @@ def cosine(images, heights, corners):
 def distance_at(images, heights, V, count, centres, N, L):
     """Height of the master above the slave at the middle of a polygon [length].
 
-    ``centres`` are those of the two pieces in reference coordinates. The distance is zero where a
-    facet is folded: it is the integration that says so.
+    ``centres`` are those of the two pieces in reference coordinates. The height is zero where a
+    facet is folded, which the integration reports.
     """
     point = np.zeros(2)
     for i in range(count):
@@ -109,7 +109,7 @@ def share_node(one, other):
 
 @kernel
 def overlap(one, count, other, others, area, work):
-    """Whether two polygons (v, 8) with so many vertices share more than rounding of an ``area``."""
+    """Whether two polygons (v, 8) share more than rounding of an ``area``."""
     both, rows = np.empty((count + others, 8)), np.arange(count + others)
     copy_rows(one, count, both, 0)
     copy_rows(other, others, both, count)
@@ -181,7 +181,7 @@ def keep_near_portions(found, count, master_facets, length):
 
 @kernel
 def find_portions(found, count, master_facets):
-    """Number the portions of the master in the last column of ``found``, see above."""
+    """Number the portions of the master in the last column of ``found``, see the module."""
     for i in range(count):
         found[i, 3] = i
     changed = True
@@ -318,7 +318,7 @@ def find_pairs(
         numbers: Slave facets for which masters are searched, shape (s,).
         radius: Largest distance along the normal [length].
         min_cosine: Smallest cosine of slave normal and reversed master normal [1].
-        behind: As in ``sight.is_hidden``, for the slave facets ``numbers``; no limits by default.
+        behind: As in ``inside.is_hidden``, for the slave facets ``numbers``; no limits by default.
         roles: Of a surface in contact with itself the position of each facet in the order of slaves
             before masters, (f,), and the facets near each one that are no masters of it, -1 for
             none, (f, c); by default all facets are masters.

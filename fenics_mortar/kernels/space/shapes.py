@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Lagrange shape functions of triangles and quadrilaterals, linear or quadratic.
+"""Facets in space: nodes, linear pieces and shape functions; quadrature rules of a triangle.
 
+Facets are triangles and quadrilaterals, linear or quadratic, with Lagrange shape functions.
 Reference coordinates of the corners: (0, 0) (1, 0) (0, 1); (-1, -1) (1, -1) (1, 1) (-1, 1).
-
-Quadrature rules of a triangle, with weights whose sum is one.
-
-Symmetric rules of 3, 6, 7 and 12 points are exact for polynomials of degree 2, 4, 5 and 6 (Strang &
-Fix 1973; Dunavant 1985). Those of n^2 = 16, 25, ... 64 points are products of Gauss rules on a
-square with one side collapsed to a corner, exact up to degree 2 n - 1.
 """
 
 import numpy as np
@@ -173,7 +168,12 @@ def points_for(degree, distortion, warp):
 
 
 def triangle_rule(points):
-    """Barycentric coordinates (p, 3) and weights (p,) of the rule with so many ``points``.
+    """Barycentric coordinates (p, 3) and weights (p,) of the rule with p = ``points`` points.
+
+    The sum of the weights is one. Symmetric rules of 3, 6, 7 and 12 points are exact for
+    polynomials of degree 2, 4, 5 and 6 (Strang & Fix 1973; Dunavant 1985). Those of n^2 = 16, 25,
+    ... 64 points are products of Gauss rules on a square with one side collapsed to a corner, exact
+    up to degree 2 n - 1.
 
     Raises:
         KeyError: There is no rule with so many points.

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Triangles in space: distances of points from them, the nearest ones, their normals.
+"""Triangles in space: distances of points from them, nearest ones, normals of those that face them.
 
-Masters of each facet on a surface in contact with itself.
+On a surface in contact with itself only some facets are masters of a slave facet, see
+``is_master``; ``facing_normals`` counts triangles on these alone.
 """
 
 import numpy as np
@@ -71,7 +72,7 @@ def nearest_triangle(x, triangles, boxes, hits, p, radius):
 
 @kernel
 def is_master(roles, slave, other):
-    """Whether facet ``other`` is a master of facet ``slave``.
+    """Whether facet ``other`` is a master of facet ``slave``; with ``NO_ROLES`` any is.
 
     ``roles``: as in ``pairs.find_pairs``, or ``NO_ROLES``.
     """

@@ -1,31 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of the nodal fields of a pair, of its rows and forces.
+"""Derivatives of the nodal fields, rows and forces of a pair, by its state, positions and obstacle.
 
 Rows, memory of laws and functionals depend on state and controls through the fields w (weights), g
-(weighted gaps), z_n, z_tau, slip of the step at constant gaps, and z; see ``through_fields``.
-In space slip and z_tau are components along the law's direction, see ``contact.fields``; rows
-depend on the vectors of slip and normals, "slip_vector" and "normal".
+(weighted gaps), z_n, z_tau, slip of the step at constant gaps, and z; see ``through_fields``. In
+space slip and z_tau are components along the law's direction, see ``contact.fields``; rows depend
+on the vectors of slip and normals, "slip_vector" and "normal".
 
-**Derivatives of a contact with respect to the shapes of its bodies.** With finite sliding, the
-equations depend on the present positions x = X + u of the nodes: forces and rows change with X as
-with the displacement, at fixed sets, offset and weights of the rows. Lengths of undeformed facets
-occur only in weights of rows, and in the stiffness of redundant sticks and of users' laws, which is
-considered fixed.
-
-Derivatives of the nodal fields of a pair with respect to the shape of its obstacle.
-
-If the shape changes, the distance of a point changes by dphi, its gradient by dgrad. This changes
-the weighted gaps int Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes, and the
-slip: in the plane through the present tangents, in space through the nearest points of the accepted
-state from which it is counted. Forces of given multipliers do not depend on the obstacle.
-
-Partial derivatives of a pair as sparse matrices, equal on all ranks, and its vectors.
-
-The vector of a pair has all values on which its equations depend: displacements of the slave and
-master nodes [length], multipliers [stress], and motions of the obstacle [length]. Residuals have
-the forces on these in the same places, and the rows of the multipliers in place of the multipliers.
-Values of the nodes are stored node by node: the entry (j, c) of an array (nodes, n) is at n j + c.
-Vectors have d components, and obstacles m motions: 2 and 3 in the plane, 3 and 6 in space.
+``fields_by_state`` and ``rows_by_fields`` have the derivatives by the state, ``by_positions`` those
+by the shapes of the bodies, ``fields_by_shape`` those by the shape of the obstacle. Derivatives by
+the vector of the pair, see ``Layout``, are sparse matrices, equal on all ranks.
 """
 
 from __future__ import annotations
@@ -39,16 +22,12 @@ import numpy as np
 from scipy.sparse import bsr_array, csr_array, eye, vstack
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import ContactFields, SpaceFields, VectorRow
+from fenics_mortar.contact.fields import ContactFields, VectorRow
 from fenics_mortar.contact.law import Row
 from fenics_mortar.contact.rows import row_by_displacements, row_by_motions
+from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.interface.mortar import Block, entries_of
-from fenics_mortar.interface.on_obstacle import (
-    ObstacleOperators,
-    gaps_along,
-    on_facets,
-    points_of,
-)
+from fenics_mortar.interface.on_obstacle import ObstacleOperators, gaps_along, on_facets, points_of
 from fenics_mortar.interface.reference import facet_rule
 from fenics_mortar.utils.errors import MortarError, call_together
 from fenics_mortar.utils.ranks import from_all_ranks, sum_over_ranks
@@ -71,12 +50,19 @@ Changes = dict[str, Matrix]
 class Layout:
     """Places of the values of a pair in its vector.
 
+    The vector of a pair has all values on which its equations depend: displacements of the slave
+    and master nodes [length], multipliers [stress], and motions of the obstacle [length]. Residuals
+    have the forces on these in the same places, and the rows of the multipliers in place of the
+    multipliers. Values of the nodes are stored node by node: the entry (j, c) of an array
+    (nodes, n) is at n j + c. Vectors have d components, and obstacles m motions: 2 and 3 in the
+    plane, 3 and 6 in space.
+
     Args:
         contact: The pair.
 
     Attributes:
         dim: Number of coordinates d.
-        num_motions: Number of motions m.
+        num_motions: Number of motions m, 0 without an obstacle.
         on_slave, on_master: Displacements of both surfaces.
         z: Multipliers.
         motion: Motions of the obstacle.
@@ -86,7 +72,8 @@ class Layout:
     def __init__(self, contact: Interface) -> None:
         self._sides = contact.slave, contact.master
         self.dim: int = contact.slave.dim
-        self.num_motions: int = self.dim * (self.dim + 1) // 2
+        obstacle = contact.obstacle
+        self.num_motions: int = 0 if obstacle is None else obstacle.place.size
         sizes = [side.dofs.size for side in self._sides] + [contact.z.size, self.num_motions]
         ends = np.cumsum([0, *sizes]).tolist()
         self.on_slave, self.on_master, self.z, self.motion = map(slice, ends[:-1], ends[1:])
@@ -254,7 +241,7 @@ def of_vectors(f: ContactFields) -> dict[str, dict[str, Array]]:
 
 
 def of_slips(f: SpaceFields) -> dict[str, dict[str, Array]]:
-    """Those in space of the power of the shear, and of the total slip (local).
+    """Derivatives in space of the power of the shear, and of the total slip (local).
 
     Shape (slave nodes, 1, 3) and (slave nodes, 3, 3) [unit of the quantity over the vector's].
     """
@@ -355,6 +342,11 @@ def by_positions(contact: Interface) -> Matrix:
 
     Shape (size, size) of the vector of the pair: its columns of displacements are not zero
     (collective).
+
+    With finite sliding, the equations depend on the present positions x = X + u of the nodes:
+    forces and rows change with X as with the displacement, at fixed sets, offset and weights of the
+    rows. Lengths of undeformed facets occur only in weights of rows, and in the stiffness of
+    redundant sticks and of users' laws, which is considered fixed.
     """
     assert isinstance(contact, Contact)
     layout, o = Layout(contact), contact.operators
@@ -400,6 +392,12 @@ def fields_by_shape(contact: Contact, name: str) -> Changes:
     """Derivatives of gap, z_n, z_tau and slip with respect to a parameter of the shape.
 
     Collective. Also those of the normals.
+
+    If the shape changes, the distance of a point changes by dphi, its gradient by dgrad. This
+    changes the weighted gaps int Phi_j phi, the normals n = -grad phi / |grad phi| of the slave
+    nodes, and the slip: in the plane through the present tangents, in space through the nearest
+    points of the accepted state from which it is counted. Forces of given multipliers do not depend
+    on the obstacle.
 
     Args:
         contact: The contact, evaluated, with the obstacle at its present position.

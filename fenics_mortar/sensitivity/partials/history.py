@@ -1,43 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a step's rows with respect to the accepted state at the start of the step.
+"""Derivatives of the rows and memory of a pair by the state before the step, and by its law.
 
-The rows depend on the previous state through the partners of the slave nodes, see ``slip``: the
-matrices D / w and M / w of that state, its vectors b'_j, normals and angles, and for redundant
-sticks its shear. With the present positions x and m, the previous
-ones x' and m', P = D / w, Q = M / w, and the derivatives e_j, e'_j, c'_j and U_j of ``Arc`` with
-respect to b_j, b'_j, a rotation of n'_j and theta_j, the slip of node j changes with the previous
-state by
-
-    du_j = dP_jk (e_j . x_k + e'_j . x'_k) - dQ_jl (e_j . m_l + e'_j . m'_l) - ds_j e_j . v_j
-         + e'_j . (P dx' - Q dm')_j + c'_j dpsi'_j + U_j (dchi_j - dchi'_j),
-
-v = D x - M m. psi' is the angle of n', and chi that between the materials of both surfaces, which
-depends on Q and on the normals of the surfaces. For the measure "operators", s = 1 / w, and b'
-vanishes at any state. Active set, multiplier nodes and the facets that face each other are fixed.
-For slip in space see below.
-
-Derivative of the slip of a step in space with respect to the accepted state at its start.
-
-With the notation of ``arcs``, primes for the previous state, P = D' / w' and Q = M' / w', the
-slip of a node changes through
-
-    dr   = [dD' x - dM' m - dw' r] / w'    at nodes with rows in D' and M',
-    dr   = -dQ m,    dr_0 = P dx' - Q dm' - dQ m'    at others, with nearest points as partners,
-
-and through the rotations of both materials, which depend on the previous positions x' and m' and,
-at the partners, on Q. Where D' and M' are constant, with small sliding, dr_0 = P dx' - Q dm' is
-left. On an obstacle r_0 leads from its pivot to the node in the previous state. Active set,
-multiplier nodes, facets that face each other and nearest facets are fixed.
-
-Derivatives of a law, in the rows of a contact and in its memory, by complex steps.
-
-The residuals of the rows and the memory h_k = H(g, slip, z_n, z_tau; h_{k-1}, p) at the end of a
-step depend on the mean gap, which the closing gap replaces as in ``Law.remember``, on slip and
-multiplier, on the memory before and on the parameters p of the law. Parameters, numbers or arrays,
-are listed in ``Law.parameters``; those that vary in space are represented by their values at the
-slave nodes. The law is evaluated with a number p + i h d: the imaginary part over h is the
-derivative along d, exact up to rounding. Functions such as ``abs`` are not analytic; a result that
-contradicts difference quotients on both sides is therefore rejected. Branches are fixed.
+``history_of_pair`` has the derivatives by the accepted state at the start of the step, through the
+slip, see ``slip_by_earlier``. ``by_parameter`` and ``memory_of_pair`` have those by parameters of
+the law and by its memory. The residuals of the rows and the memory
+h_k = H(g, slip, z_n, z_tau; h_{k-1}, p) at the end of a step depend on the mean gap, which the
+closing gap replaces as in ``Law.remember``, on slip and multiplier, on the memory before and on the
+parameters p of the law.
 """
 
 from __future__ import annotations
@@ -53,11 +22,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, eye
 
-from fenics_mortar.contact.arcs import Material, Screw, quarter_turn
+from fenics_mortar.contact.arcs import Material, Screw, quarter_turn, times
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import ELASTIC, ContactFields, SpaceFields
+from fenics_mortar.contact.fields import ELASTIC, ContactFields
 from fenics_mortar.contact.law import COMPLEX_STEP, Law, Nodal
 from fenics_mortar.contact.slip import by_positions, rotation_derivative
+from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block
@@ -86,6 +56,32 @@ def slip_by_earlier(
     """Derivative of the slip of the step by the earlier state, (r slave nodes, size) (collective).
 
     In the plane of r = 1 number, in space of vectors, r = 3.
+
+    **In the plane.** The rows depend on the previous state through the partners of the slave nodes,
+    see ``slip``: the matrices D / w and M / w of that state, its vectors b'_j, normals and angles,
+    and for redundant sticks its shear. With the present positions x and m, the previous ones x' and
+    m', P = D / w, Q = M / w, and the derivatives e_j, e'_j, c'_j and U_j of ``Arc`` with respect to
+    b_j, b'_j, a rotation of n'_j and theta_j, the slip of node j changes with the previous state by
+
+        du_j = dP_jk (e_j . x_k + e'_j . x'_k) - dQ_jl (e_j . m_l + e'_j . m'_l) - ds_j e_j . v_j
+             + e'_j . (P dx' - Q dm')_j + c'_j dpsi'_j + U_j (dchi_j - dchi'_j),
+
+    v = D x - M m. psi' is the angle of n', and chi that between the materials of both surfaces,
+    which depends on Q and on the normals of the surfaces. For the measure "operators", s = 1 / w,
+    and b' vanishes at any state. Active set, multiplier nodes and the facets that face each other
+    are fixed.
+
+    **In space.** With the notation of ``arcs``, primes for the previous state, P = D' / w' and
+    Q = M' / w', the slip of a node changes through
+
+        dr   = [dD' x - dM' m - dw' r] / w'    at nodes with rows in D' and M',
+        dr   = -dQ m,    dr_0 = P dx' - Q dm' - dQ m'    at others, with nearest points as partners,
+
+    and through the rotations of both materials, which depend on the previous positions x' and m'
+    and, at the partners, on Q. Where D' and M' are constant, with small sliding,
+    dr_0 = P dx' - Q dm' is left. On an obstacle r_0 leads from its pivot to the node in the
+    previous state. Active set, multiplier nodes, facets that face each other and nearest facets are
+    fixed.
 
     Args:
         contact: The contact, evaluated at the end of the step.
@@ -123,8 +119,8 @@ class _Terms(ABC):
         self.on_obstacle = isinstance(self.then, ObstacleOperators)
         self.partners = p = contact.partners
         self.counts = p.present == 0.0  # nodes with a distance at the earlier state
-        self.by_r, by_start = by_vectors
-        self.by_start = np.where(self.counts[:, None, None], by_start, 0.0)
+        self.by_r = by_vectors[0]
+        self.by_start = np.where(self.counts[:, None, None], by_vectors[1], 0.0)
         self.mean = self._along(slice(None), p.vectors(self.now), p.start)
 
     def blocks(self) -> Iterator[Block]:
@@ -140,7 +136,7 @@ class _Terms(ABC):
 
     def _along(self, j: Any, now: Array, then: Array) -> Array:
         """Changes of the slip of nodes ``j`` by vectors now and then, (..., dim) each."""
-        return _times(self.by_r[j], now) + _times(self.by_start[j], then)
+        return times(self.by_r[j], now) + times(self.by_start[j], then)
 
     def _by_D(self, j: Indices, k: Indices) -> Array:
         """d(slip of nodes ``j``)/dD[j, k] of nodes with rows in D; shapes broadcast."""
@@ -310,9 +306,8 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
         then: Nodal fields of the earlier state, with operators that have all derivatives.
     """
     layout, f = Layout(contact), contact.now
-    redundant = f.state.redundant.any()
     keeps_shear = np.where(f.state.redundant & then.state.active, 1.0 / ELASTIC, 0.0)
-    by = rows_by_fields(contact)
+    by, redundant = rows_by_fields(contact), f.state.redundant.any()
     if isinstance(f, SpaceFields) and isinstance(then, SpaceFields):
         of_step = slip_by_earlier(contact, then, layout)
         changes = {"slip_vector": of_step, "slip_of_step": of_step}
@@ -335,10 +330,6 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
         by["shear"] = contact.rows.frame()[2] * keeps_shear[:, None]
         changes["shear"] = of_law(then, layout, "z_tau")
     return PairHistory(fields, through_fields(by, changes))
-
-
-def _times(matrices: Array, vectors: Array) -> Array:
-    return np.einsum("...ab,...b->...a", matrices, vectors)
 
 
 # Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the
@@ -373,6 +364,9 @@ def parameter(contact: Contact, name: str) -> Array:
 
 def by_parameter(contact: Contact, name: str, response: Response) -> Matrix:
     """Derivative of rows or memory with respect to a parameter of the law (collective).
+
+    Parameters, numbers or arrays, are listed in ``Law.parameters``; those that vary in space are
+    represented by their values at the slave nodes.
 
     Args:
         contact: The contact, evaluated.
@@ -466,11 +460,9 @@ def memory_of_pair(contact: Contact) -> PairMemory:
             change = change + by_number[:, :, None] * vectors[name]["slip_vector"]
         return change
 
-    def rows_by_sum() -> Array:
-        return rows_by_fields(contact)["slip_vector"]
-
     own = by_own(change_of_memory, memory_by_sum)
-    return PairMemory(by_fields, own, by_own(change_of_rows, rows_by_sum))
+    rows = by_own(change_of_rows, lambda: rows_by_fields(contact)["slip_vector"])
+    return PairMemory(by_fields, own, rows)
 
 
 def components_of(law: Law, vectors: Array) -> Array:
@@ -563,6 +555,10 @@ def differentiate(
     what: str, value: Array, direction: Array, function: Callable[[Any], Array], terms: Any = 0.0
 ) -> Array:
     """Derivative by complex step, compared with difference quotients (local).
+
+    The law is evaluated with a number p + i h d: the imaginary part over h is the derivative along
+    d, exact up to rounding. Functions such as ``abs`` are not analytic; a result that contradicts
+    difference quotients on both sides is therefore rejected. Branches are fixed.
 
     Units are those of the result [any]. ``terms``: size of the terms whose sums are the rows of the
     result, for their rounding, shape (rows,).

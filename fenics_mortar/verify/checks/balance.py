@@ -1,14 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Balance of forces and moments of bodies, obstacles and pairs, and of fluxes across contact.
-
-**Balance of the fluxes of scalar fields across contact: loads of both sides and sources.** The sum
-of all loads on the slave's and the master's dofs is that of the source, since D and M reproduce
-constants.
-
-**Law of conduction.** The flux of each slave node is its conductance times the jump of the field.
-Where the conductance exceeds that of the cells beside the node, jumps are compared instead, as the
-flux that they would cause in these cells; with perfect conduction, jumps are zero.
-"""
+"""Balance of forces and moments of bodies, obstacles and pairs, and of fluxes across contact."""
 
 from __future__ import annotations
 
@@ -92,7 +83,7 @@ def balance_of_bodies(
 def _attainable(bulk: Bulk, body: Indices, num_bodies: int) -> tuple[Array, float, float]:
     """Rounding of the sum of the internal forces of each body, and its ingredients (collective).
 
-    Stresses are rounded as the strains from which they follow: gradients of displacements u in
+    Stresses are rounded like the strains from which they follow: gradients of displacements u in
     cells, and with finite strains one plus these. With n dofs and the extent L of a body, and the
     largest entry K of its diagonal, the sum is rounded by 4 EPSILON K (sqrt(n) u + L). Beside a
     soft body, the rounding of a stiff one may exceed all contact forces.
@@ -136,7 +127,17 @@ def _moments(bulk: Bulk, forces: Array, body: Indices, num_bodies: int) -> Array
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Balance of the forces and of the fluxes of a pair in contact (collective)."""
+    """Balance of the forces and of the fluxes of a pair in contact (collective).
+
+    Loads of both sides and sources are in balance for the fluxes of scalar fields across contact:
+    the sum of all loads on the slave's and the master's dofs is that of the source, since D and M
+    reproduce constants.
+
+    By the law of conduction the flux of each slave node is its conductance times the jump of the
+    field. Where the conductance exceeds that of the cells beside the node, jumps are compared
+    instead, as the flux that they would cause in these cells; with perfect conduction, jumps are
+    zero.
+    """
     yield from _of_forces(measured.contact)
     yield from _of_fluxes(measured)
     yield from _of_conduction(measured)

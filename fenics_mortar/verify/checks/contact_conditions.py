@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Conditions of contact: at the nodes, between them, at nodes without a partner.
-
-**Nodes without a partner, of the slave and inside another body, where contact was missed.** Bodies
-of the pair alone count. Overlaps with others are crossings, with limits of their own: an elastic
-ground rises a little into a body that lies on it without a pair.
-"""
+"""Conditions of contact: at the nodes, between them, at nodes without a partner."""
 
 from __future__ import annotations
 
@@ -24,7 +19,12 @@ if TYPE_CHECKING:
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Conditions at the nodes and between them, missed contact, uniqueness (collective)."""
+    """Conditions at the nodes and between them, missed contact, uniqueness (collective).
+
+    Nodes without a partner are those of the slave, and those inside another body, where contact was
+    missed. Bodies of the pair alone count. Overlaps with others are crossings, with limits of their
+    own: an elastic ground rises a little into a body that lies on it without a pair.
+    """
     yield from _between_nodes(measured)
     yield from _at_nodes(measured)
     yield from _without_partner(measured)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Errors at corners of both sides, and at clamped ends.
+"""Errors at corners of both sides, at clamped ends, and of resultants beyond the end of a side.
 
 The force on a corner of the slave acts along its averaged normal, not along the normal of the
 smooth surface on which it presses. The error has the effect of friction and is compared with the
@@ -7,13 +7,6 @@ friction. With the smooth surface as slave the direction is correct, but the pos
 corner between two slave nodes is uncertain by up to a tenth of the facet. Relative to the facet
 length, neither error decreases with refinement. Both are detected by normals of the two sides that
 are not opposite.
-
-**Pressure beside clamped slave nodes.** A clamped slave node carries no multiplier; its neighbours
-carry its force. If a body presses on the very end of a clamped surface, its whole force acts on
-that neighbour, which can move: the force is far too small on any mesh. This is detected by a
-pressure peak at the neighbour. A node on the axis of revolution without a weight, of quadratic
-facets, is not clamped: only its radial component is prescribed, and pressures below a tip are large
-there.
 """
 
 from __future__ import annotations
@@ -28,7 +21,7 @@ from fenics_mortar.contact.law import STICK
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.utils.arrays import angles_between
 from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.ranks import agreed, any_over_ranks, sum_over_ranks
+from fenics_mortar.utils.ranks import agreed, any_over_ranks, largest_over_ranks, sum_over_ranks
 from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.finding import INFINITE, LIMITS, Finding, Measured
 
@@ -47,9 +40,10 @@ AROUND_CORNER = 3
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Errors at corners of slave and master, and at clamped ends (collective)."""
+    """Errors at corners of slave and master, at clamped and at free ends (collective)."""
     yield from _at_clamped_ends(measured)
     yield from _of_surfaces(measured)
+    yield from _of_resultants(measured)
 
 
 def _of_surfaces(measured: Measured) -> Iterator[Finding]:
@@ -261,6 +255,12 @@ def _at_clamped_ends(measured: Measured) -> Iterator[Finding]:
 def end_pressure(contact: Contact, pressure: Array) -> tuple[float, str]:
     """Largest ratio [1], and the position of the clamped node; 0 and "" without one (local).
 
+    A clamped slave node carries no multiplier; its neighbours carry its force. If a body presses on
+    the very end of a clamped surface, its whole force acts on that neighbour, which can move: the
+    force is far too small on any mesh. This is detected by a pressure peak at the neighbour. A node
+    on the axis of revolution without a weight, of quadratic facets, is not clamped: only its radial
+    component is prescribed, and pressures below a tip are large there.
+
     Args:
         contact: The pair.
         pressure: Normal multipliers, shape (slave nodes,) [stress].
@@ -282,3 +282,57 @@ def end_pressure(contact: Contact, pressure: Array) -> tuple[float, str]:
         return 0.0, ""
     where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
     return float(ratio.max()), format_point(where)
+
+
+def _of_resultants(measured: Measured) -> Iterator[Finding]:
+    """Largest distance of a resultant beyond the cover, over the longest facet (collective).
+
+    The resultant of the pressure lies on the covered part of the surface. By balance of forces and
+    moments, a node at the uncovered end of a partly covered facet carries a fraction of the force
+    on the covered part. If such a facet is the only active one, as under a body about to tip over
+    an edge, the whole force may be carried by that node, beyond the edge. The limit load is then
+    larger than in the limit of fine meshes.
+
+    Runs with tensile nodes are excluded, since their resultant may lie anywhere; so are obstacles,
+    which have no ends.
+    """
+    contact = measured.contact
+    if contact.obstacle is not None:
+        return
+    o, runs = contact.operators, runs_of(contact)
+    forces = np.einsum("jc,jc->j", contact.now.forces[0], o.n)
+    found = [
+        _beyond(contact, np.flatnonzero(contact.active & (runs == run)), forces)
+        for run in np.unique(runs[contact.active])
+    ]
+    beyond, where = max(found, default=(0.0, ""))
+    yield Finding(
+        "resultant_outside", "resultant of pressures beyond the covered surface", beyond,
+        f"the resultant of the pressures acts at {where}, {beyond:.2f} facets outside of the part "
+        "of the slave that the master covers: the limit load of this mesh may be above that of a "
+        "finer one",
+        remark=LIMITS.coarse_distance, unit="facet lengths", where=where,
+    )  # fmt: skip
+
+
+def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str]:
+    """Distance of the resultant beyond the cover in facets, and its position (collective)."""
+    o, s = contact.operators, contact.intersections()
+    marked = np.zeros(len(o.x), bool)
+    marked[nodes] = True
+    touched = marked[s.slave].any(axis=1)
+    first, last = o.x[s.slave[touched, 0]], o.x[s.slave[touched, -1]]
+    along = sum_over_ranks(contact.slave.comm, (last - first).sum(axis=0))
+    size = float(np.linalg.norm(along))
+    along = along / positive_or_one(size)
+    fractions = 0.5 * (1.0 + s.ends[touched])
+    covered = (first @ along)[:, None] + ((last - first) @ along)[:, None] * fractions
+    longest = float(np.linalg.norm(last - first, axis=1).max(initial=0.0))
+    bounds = np.array([covered.max(initial=-np.inf), -covered.min(initial=np.inf), longest])
+    bounds = largest_over_ranks(contact.slave.comm, bounds)
+    pulls = bool((forces[nodes] < 0.0).any()) or not forces[nodes].any()
+    if pulls or size == 0.0:
+        return 0.0, ""
+    centre = forces[nodes] @ o.x[nodes] / forces[nodes].sum()
+    at = float(centre @ along)
+    return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), format_point(centre)

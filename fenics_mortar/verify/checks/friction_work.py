@@ -23,13 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array, eye
 
-from fenics_mortar.contact.arcs import (
-    MAX_ROTATION,
-    Material,
-    quarter_turn,
-    surface_rotation,
-    vectors_of,
-)
+from fenics_mortar.contact import arcs
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, moments_of
 from fenics_mortar.utils.arrays import SUM_ROUNDING, TINY, Array, norms
@@ -71,7 +65,7 @@ def work_along_arcs(before: Array, after: Array, moved: Array, turned: Array) ->
         c, s, none = np.cos(turned), np.sin(turned), 0.0 * turned
         Q = np.array([[c, -s, none], [s, c, none], [none, none, none + 1.0]]).transpose(2, 0, 1)
     mean = 0.5 * (before + np.einsum("nba,nb->na", Q, after))
-    way = inverse_jacobians(vectors_of(Q)[0])
+    way = inverse_jacobians(arcs.vectors_of(Q)[0])
     return np.asarray(np.einsum("na,nab,nb->n", mean, way, moved))
 
 
@@ -96,7 +90,7 @@ def findings(work: float, rotation: float, where: str) -> Iterator[Finding]:
     )  # fmt: skip
     yield Finding(
         "rotation", "rotation in the step whose direction is uncertain", degrees,
-        _on_rotation(degrees, where), limit=float(np.degrees(MAX_ROTATION)),
+        _on_rotation(degrees, where), limit=float(np.degrees(arcs.MAX_ROTATION)),
         remark=float(np.degrees(LIMITS.two_ways)), unit="degrees", where=where,
     )  # fmt: skip
 
@@ -104,7 +98,7 @@ def findings(work: float, rotation: float, where: str) -> Iterator[Finding]:
 def _on_rotation(degrees: float, where: str) -> str:
     """What a rotation whose direction is uncertain means."""
     rotation = f"the rotation of the sides relative to each other in the step, at {where}, is"
-    most = float(np.degrees(MAX_ROTATION))
+    most = float(np.degrees(arcs.MAX_ROTATION))
     if degrees > most:
         return (
             f"{rotation} known up to a full turn only, and with it the direction of slip: take "
@@ -127,7 +121,7 @@ def _difference_of_work(contact: Contact) -> float:
     in_space, on_obstacle = o.slave.dim == 3, isinstance(o, ObstacleOperators)
     then = partners.shear
     if not in_space:
-        then = then[:, None] * quarter_turn(partners.normals)
+        then = then[:, None] * arcs.quarter_turn(partners.normals)
     both = (contact.active & (contact.z_tau != 0.0) & then.any(axis=1))[:, None]
     if not contact.pair.law.has_friction or partners.counted.any() or not both.any():
         return 0.0
@@ -160,10 +154,10 @@ def _rotations(contact: Contact, surface: Surface, x_0: Array, x: Array) -> Arra
     There directions of forces are kept with small sliding.
     """
     if surface.dim == 2:
-        return surface_rotation(surface, x_0, x)  # type: ignore[arg-type]
+        return arcs.surface_rotation(surface, x_0, x)  # type: ignore[arg-type]
     turns = 0.0 if contact.across_planes is None else 1.0
     weights, still = turns * csr_array(eye(len(x))), np.zeros(x.shape, bool)
-    return Material(weights, surface, x_0, still).turned(x).Q
+    return arcs.Material(weights, surface, x_0, still).turned(x).Q
 
 
 def relative_difference(
@@ -189,7 +183,7 @@ def _work_on_obstacle(contact: Contact, before: Array, after: Array) -> tuple[fl
     partners, o = contact.partners, contact.operators
     obstacle, dim = o.obstacle, o.obstacle.dim
     now, then = (obstacle.pivot + place[:dim] for place in (obstacle.place, partners.place))
-    turned = partners.at(o).slave.Q if dim == 3 else surface_rotation(o.slave, partners.x, o.x)
+    turned = partners.at(o).slave.Q if dim == 3 else arcs.surface_rotation(o.slave, partners.x, o.x)
     by_shift = _sums(-before, -after, np.broadcast_to(now - then, o.x.shape), turned)
     moments = moments_of(partners.x - then, before) + moments_of(o.x - now, after)
     by_turn = -0.5 * obstacle.turn_since(partners.place) @ moments
@@ -223,13 +217,13 @@ def _approach(measured: Measured) -> Iterator[Finding]:
         slave, master = (
             np.abs(_from_start(led, *turns))
             for turns in (
-                [surface_rotation(o.slave, at.x, o.x) for at in ends],
-                [partners.M @ surface_rotation(o.master, at.m, o.m) for at in ends],
+                [arcs.surface_rotation(o.slave, at.x, o.x) for at in ends],
+                [partners.M @ arcs.surface_rotation(o.master, at.m, o.m) for at in ends],
             )
         )
     else:
         found = partners.at(o)
-        slave, master = (vectors_of(side.Q)[1] for side in (found.slave, found.master))
+        slave, master = (arcs.vectors_of(side.Q)[1] for side in (found.slave, found.master))
         relative = np.where(partners.present > 0.0, found.doubt, 0.0)
     start = norms(_from_start(led, *(partners.D @ at.x - partners.M @ at.m for at in ends)))
     apart = np.maximum(start, norms(partners.gap_vectors(o)))

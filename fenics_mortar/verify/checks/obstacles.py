@@ -1,28 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Obstacles: edges and tips between nodes of the slave, gradients of users' signed distances.
-
-**Loaded nodes that are away from an obstacle in space, at edges between its nodes.** Gaps are zero
-in the mean, weighted by multiplier functions. Dual functions are negative at the other nodes of a
-facet: where it reaches beyond the edge of a flat punch, the distance of that part presses the inner
-node, and the force may be several times too large.
-
-**Errors of the contact direction where an obstacle is sharper than the facets of the slave.** The
-force on a slave node acts along the normal of the obstacle at its nearest point. Where a corner of
-the obstacle presses between two nodes of a flat surface, the forces on both act along the sides of
-the corner: they compress the facet and support the body sideways. The correct direction is that of
-the facets, in the cone of the normals of the facets at the node. At the rim of a surface the body
-may continue at any angle: the cone contains the outward directions across the rim as well. A node
-whose force leans inwards has the contact beside it, within the facet: on the end of a cantilever
-sheet below a cylinder, of a radius little larger than the facets, the force was 12 times too small.
-
-**Gradients of users' signed distances, beside difference quotients and the length 1.**
-
-Contact forces act along the gradient of an obstacle's distance. A wrong gradient would change the
-direction of these forces without violating any other condition.
-
-Gaps and overlaps are values of the distance. If the length of its gradient is not 1, they are
-scaled by this length, as are laws that depend on gaps.
-"""
+"""Obstacles: edges and tips between nodes of the slave, gradients of users' signed distances."""
 
 from __future__ import annotations
 
@@ -35,7 +12,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.interface.facing import linear_facets
-from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, SignedDistance
+from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, is_of_package
 from fenics_mortar.rigid.complementarity import nonnegative_least_squares
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, norms
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
@@ -58,7 +35,23 @@ FACETS_FROM_SURFACE = 1.0
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Loaded nodes away from an obstacle, and directions of its forces (collective)."""
+    """Loaded nodes away from an obstacle, and directions of its forces (collective).
+
+    **Loaded nodes that are away from an obstacle in space, at edges between its nodes.** Gaps are
+    zero in the mean, weighted by multiplier functions. Dual functions are negative at the other
+    nodes of a facet: where it reaches beyond the edge of a flat punch, the distance of that part
+    presses the inner node, and the force may be several times too large.
+
+    **Errors of the contact direction where an obstacle is sharper than the facets of the slave.**
+    The force on a slave node acts along the normal of the obstacle at its nearest point. Where a
+    corner of the obstacle presses between two nodes of a flat surface, the forces on both act along
+    the sides of the corner: they compress the facet and support the body sideways. The correct
+    direction is that of the facets, in the cone of the normals of the facets at the node. At the
+    rim of a surface the body may continue at any angle: the cone contains the outward directions
+    across the rim as well. A node whose force leans inwards has the contact beside it, within the
+    facet: on the end of a cantilever sheet below a cylinder, of a radius little larger than the
+    facets, the force was 12 times too small.
+    """
     contact = measured.contact
     if contact.obstacle is None:
         return
@@ -175,6 +168,9 @@ def _cones_of_faces(contact: Contact) -> tuple[Array, Indices]:
 def scale_error(contact: Contact) -> tuple[float, float, str]:
     """Factor between changes of a user's distance and lengths near its surface (collective).
 
+    Gaps and overlaps are values of the distance. If the length of its gradient is not 1, they are
+    scaled by this length, as are laws that depend on gaps.
+
     Returns:
         Median, over active nodes and those within ``FACETS_FROM_SURFACE`` of the surface, of the
         larger one of the length of the difference quotients and its inverse [1], with the length
@@ -184,7 +180,7 @@ def scale_error(contact: Contact) -> tuple[float, float, str]:
         Exception: An error of the user's function, on all ranks.
     """
     obstacle, comm = contact.obstacle, contact.slave.comm
-    if obstacle is None or _is_of_package(obstacle):
+    if obstacle is None or is_of_package(obstacle):
         return 1.0, 1.0, ""
     call = partial(_lengths, obstacle, contact)
     lengths, x = call_together(comm, f"the distance of '{obstacle.name}'", call)
@@ -209,6 +205,9 @@ def _lengths(obstacle: Obstacle, contact: Contact) -> tuple[Array, Array]:
 def gradient_error(contact: Contact) -> tuple[float, str]:
     """Directional error of a user's gradient at active nodes, and its position (collective).
 
+    Contact forces act along the gradient of an obstacle's distance. A wrong gradient would change
+    the direction of these forces without violating any other condition.
+
     Returns:
         Median of the sine of the angle between gradient and difference quotients (the median, since
         a node may lie on a kink; the sine is set to one if they are opposed), and the position of
@@ -219,7 +218,7 @@ def gradient_error(contact: Contact) -> tuple[float, str]:
         Exception: An error of the user's function, on all ranks.
     """
     obstacle, comm = contact.obstacle, contact.slave.comm
-    if obstacle is None or not contact.active.any() or _is_of_package(obstacle):
+    if obstacle is None or not contact.active.any() or is_of_package(obstacle):
         return 0.0, ""
     call = partial(_errors, obstacle, contact, contact.active)
     errors = call_together(comm, f"the distance of '{obstacle.name}'", call)
@@ -234,7 +233,7 @@ def check_user_gradient(contact: Interface) -> None:
         MortarError: On all ranks, if this is so at most slave nodes.
     """
     obstacle = contact.obstacle
-    if not isinstance(contact, Contact) or obstacle is None or _is_of_package(obstacle):
+    if not isinstance(contact, Contact) or obstacle is None or is_of_package(obstacle):
         return
     everywhere = np.ones(contact.slave.num_nodes, bool)
     call = partial(_errors, obstacle, contact, everywhere)
@@ -276,10 +275,3 @@ def _differences(obstacle: Obstacle, x: Array, step: Array) -> Array:
         for sign in (1.0, -1.0)
     )
     return ahead - behind
-
-
-def _is_of_package(obstacle: Obstacle) -> bool:
-    """Whether the distance is one of the package's shapes, not a user's."""
-    package = SignedDistance.__module__.partition(".")[0]
-    kind = type(obstacle)
-    return kind is not SignedDistance and kind.__module__.partition(".")[0] == package

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Regions of contact that the facets do not resolve: too narrow, or of curves that do not fit.
+"""Regions of contact that the facets do not resolve: narrow ones, curves that do not fit, openings.
 
 **Narrow regions.** Few active nodes carry the correct resultant, but width, pressure and approach
 are those of the facets. Three active nodes, two facets, are the fewest whose pressure has a maximum

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""With small sliding, rotation of the surface since the mesh, by which forces are misdirected.
+"""Rotation of the surface since the undeformed mesh, by which small sliding misdirects forces.
 
 It is the mean of the rotations from the normals of the contact forces to the present ones, weighted
 by the normal forces: opposite rotations, as at both edges of an indented zone, cancel. With
