@@ -182,7 +182,7 @@ def test_interruption_reverts_the_whole_step(monkeypatch):
     motion.step(0.01)
     u, time = made.u.x.array.copy(), motion.time
 
-    def interrupted(*_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
