@@ -39,6 +39,10 @@ from fenics_mortar.utils.errors import MortarError, check_kind, check_number
 if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Indices, Numbers
 
+# PT-SCOTCH 7, which divides meshes, calls MPI from two threads of a rank unless told to use one: on
+# small meshes it then waits for ever (7.0.16 with Open MPI 5, 5 cells on 5 ranks: 1 of 200 times).
+os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
+
 _petsc = ctypes.CDLL(PETSc.__file__)
 # Types of arguments: PETSc's integers, communicators, and handles of objects, arrays or addresses.
 INT = np.ctypeslib.as_ctypes_type(PETSc.IntType)
