@@ -28,8 +28,12 @@ try:
     from fenics_mortar import laws as laws
     from fenics_mortar.bulk.history import quadrature_function
     from fenics_mortar.bulk.inertia import Velocity
-    from fenics_mortar.contact.conductance import Conductance, GapConductance, PressureConductance
-    from fenics_mortar.contact.fluxes import NodalFlux
+    from fenics_mortar.contact.conductance import (
+        Conductance,
+        GapConductance,
+        NodalFlux,
+        PressureConductance,
+    )
     from fenics_mortar.contact.law import Coulomb, Frictionless, Law, Tresca
     from fenics_mortar.contact.pair import ContactPair, Discretization, Pretension, TiedPair
     from fenics_mortar.contact.view import PairView
@@ -46,17 +50,9 @@ try:
     from fenics_mortar.models.model_check import ModelCheck
     from fenics_mortar.models.model_error import ElasticObstacle, ModelReport
     from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
-    from fenics_mortar.obstacles.obstacle import Circle, Obstacle, SignedDistance, Sphere
-    from fenics_mortar.obstacles.shapes import (
-        Cone,
-        Cylinder,
-        Extruded,
-        Plane,
-        Polygon,
-        Revolved,
-        Spline,
-        Torus,
-    )
+    from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
+    from fenics_mortar.obstacles.revolved import Cone, Cylinder, Extruded, Revolved, Torus
+    from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Sphere, Spline
     from fenics_mortar.path.dynamics import Dynamics
     from fenics_mortar.path.report import DynamicsReport, PathReport
     from fenics_mortar.path.stepping import SteppingOptions, follow_path

@@ -27,8 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import ufl
 
-from fenics_mortar.utils.compat import domain_of
-from fenics_mortar.utils.errors import check_choice, refuse_in_space
+from fenics_mortar.utils import compat, errors
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import Geometry
@@ -82,13 +81,13 @@ def displacement_gradient(u: Any, geometry: Geometry = "plane") -> Any:
         ValueError: For another geometry.
         NotImplementedError: If a displacement in space is said to be axisymmetric.
     """
-    check_choice("geometry", geometry, ("plane", "axisymmetric"))
+    errors.check_choice("geometry", geometry, ("plane", "axisymmetric"))
     H = ufl.grad(u)
     if geometry == "plane":
         return H
     if H.ufl_shape == (3, 3):
-        refuse_in_space("axisymmetric")
-    r = ufl.SpatialCoordinate(domain_of(u))[0]
+        errors.refuse_in_space("axisymmetric")
+    r = ufl.SpatialCoordinate(compat.domain_of(u))[0]
     return ufl.as_tensor([[H[0, 0], H[0, 1], 0], [H[1, 0], H[1, 1], 0], [0, 0, u[0] / r]])
 
 

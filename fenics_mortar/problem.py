@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -18,7 +19,6 @@ from dolfinx import fem
 
 from fenics_mortar.bulk import checks
 from fenics_mortar.bulk.bodies import check_mesh_overlap
-from fenics_mortar.bulk.fluxes import check_rules
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.bulk.revolution import check_axis, check_radius
 from fenics_mortar.contact.contact import Contact
@@ -37,9 +37,7 @@ from fenics_mortar.la.condensed import system_of
 from fenics_mortar.mesh.space import DisplacementSpace, Geometry, thickness_of
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.rigid.spread import BoundaryMotion, BoundSection, check_remote, refuse_remote
-from fenics_mortar.utils import compat, errors
-from fenics_mortar.utils.compat import free_garbage_of_earlier, keep_communicators
-from fenics_mortar.utils.ranks import on_any_rank
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.tangent import OperatorMatrices, TangentCheck, check_tangent
 
@@ -102,7 +100,7 @@ def equations_of(
         ValueError: On all ranks, if ``u`` is a mixed function and the solver iterative.
     """
     residual, u, jacobian = (given[name] for name in ("residual", "u", "jacobian"))
-    free_garbage_of_earlier(u.function_space.mesh.comm)
+    compat.free_garbage_of_earlier(u.function_space.mesh.comm)
     weight = thickness_of(given["geometry"], given["thickness"])
     space = DisplacementSpace(u.function_space, given["displacement"], weight)
     checks.check_space(space.V, pairs)
@@ -116,7 +114,7 @@ def equations_of(
     prescribed = mark_prescribed(space, u, bcs)
     check_axis(space, prescribed)
     check_radius(residual, u, space)
-    check_rules(residual, u, space)
+    checks.check_rules(residual, u, space)
     contacts = bind(
         pairs, space, prescribed, chains=given["algorithm"] != "condensed"
     )  # may move nodes
@@ -124,7 +122,7 @@ def equations_of(
         load.update_reference()
     bulk = Bulk(residual, u, bcs, jacobian, space, given["history"], given["before_assembly"])
     bulk.surfaces_slide = any(p.sliding == "finite" for p in pairs if isinstance(p, ContactPair))
-    keep_communicators(bulk.comm, bulk.r, bulk.K)
+    compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
     loads += [BoundSection(c, bulk) for c in contacts if isinstance(c.pair, Pretension)]
     checks.check_slave_nodes(contacts)
     check_roles(contacts)
@@ -246,7 +244,7 @@ class ContactProblem:
         given, apart = locals().copy(), ("self", "pairs", "model_check")
         self._given = {name: value for name, value in given.items() if name not in apart}
         check_given(self._given, pairs, model_check)
-        with general.unchanged_if_refused(u):
+        with unchanged_if_refused(u):
             self.equations = equations_of(self._given, pairs)
             self._solver = solver_of(self.equations, self._given)
             self._continuation = Continuation(self.equations)
@@ -514,7 +512,25 @@ class ContactProblem:
 
     def _renew_if_interrupted(self) -> None:
         """Create solver and estimator again after an interruption."""
-        if on_any_rank(self.equations.comm, self.equations.interrupted):
+        if ranks.on_any_rank(self.equations.comm, self.equations.interrupted):
             self._solver.renew()
             self._estimator = None
             self.equations.interrupted = False
+
+
+@contextmanager
+def unchanged_if_refused(u: Any) -> Iterator[None]:
+    """Context that restores mesh and displacement if a set-up raises any exception (local).
+
+    Ties move nodes, and cheaper models may displace them.
+
+    Args:
+        u: The function of the unknowns.
+    """
+    positions, values = u.function_space.mesh.geometry.x, u.x.array
+    before = positions.copy(), values.copy()
+    try:
+        yield
+    except BaseException:
+        positions[:], values[:] = before
+        raise

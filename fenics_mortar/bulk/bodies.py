@@ -29,16 +29,7 @@ from fenics_mortar.bulk.cells import normals_of, sum_over_cells
 from fenics_mortar.interface.outline import Outline, extract_outline
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.obstacles.rigid_motion import rigid_motions, turned
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import (
-    HALF_FACET,
-    ROUNDING,
-    SAME_PLACE,
-    TINY,
-    lines_cross,
-    near,
-    near_pairs,
-)
+from fenics_mortar.utils import arrays, compat
 from fenics_mortar.utils.errors import MeshError, count_points, format_point
 from fenics_mortar.utils.ranks import from_all_ranks
 
@@ -134,7 +125,7 @@ class FloatingBody:
             responses: Responses to each motion, shape (motions, n) [1].
         """
         left, sizes, _ = np.linalg.svd(responses)
-        rank = int((sizes > ROUNDING * max(1.0, sizes.max(initial=0.0))).sum())
+        rank = int((sizes > arrays.ROUNDING * max(1.0, sizes.max(initial=0.0))).sum())
         return replace(self, motions=left[:, rank:].T @ self.motions)
 
     def without_rotation(self, distance: Array) -> Self:
@@ -190,7 +181,7 @@ def _echelon(rows: Array) -> Array:
 
 
 def describe_motion(
-    motion: Array, centre: Array, size: float, *, directed: bool = True, poles: bool = False
+    motion: Array, centre: Array, size: float, *, directed: bool, poles: bool = False
 ) -> str:
     """Describe a rigid motion by its larger parts (local).
 
@@ -256,13 +247,10 @@ def join_bodies(num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int
 
 
 def find_floating_bodies(
-    bulk: Bulk,
-    labels: Indices,
-    num_bodies: int,
-    prescribed: Flags | None = None,
+    bulk: Bulk, labels: Indices, num_bodies: int, prescribed: Flags | None = None,
     sections: Mapping[int, Sequence[PartMotion]] = MappingProxyType({}),
     parts: Indices | None = None,
-) -> list[FloatingBody]:
+) -> list[FloatingBody]:  # fmt: skip
     """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective).
 
     A motion is free if its resistance is rounding compared with the stiffness of the body.
@@ -287,16 +275,16 @@ def find_floating_bodies(
         body = centre_and_size(X[mine], bulk.comm)
         own = tuple(sections.get(label, ()))
         count = len(rigid_motions(X[:0], *body)) + len(own)
-        basis = FloatingBody(label, *body, np.eye(count), TINY, 0, own)
+        basis = FloatingBody(label, *body, np.eye(count), arrays.TINY, 0, own)
         motions = np.zeros((count, bulk.num_owned))
         motions[:, dofs[mine]] = basis.displacement(X[mine], parts[mine])
         at_prescribed = np.where(held, motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
-        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
-        stiff = bulk.to_force * products(bulk.K, motions) / stiffest
+        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), arrays.TINY)
+        stiff = bulk.to_force * compat.products(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([at_prescribed, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
-        free = directions[size < ROUNDING * np.sqrt(num_nodes)]
+        free = directions[size < arrays.ROUNDING * np.sqrt(num_nodes)]
         if len(free):
             found.append(replace(basis, motions=free, stiffest=stiffest, num_nodes=num_nodes))
     return found
@@ -325,21 +313,6 @@ def centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
     count = comm.allreduce(len(X))
     centre = comm.allreduce(X.sum(axis=0)) / count
     return centre, float(np.sqrt(comm.allreduce(((X - centre) ** 2).sum()) / count))
-
-
-def products(matrix: Any, vectors: Array, *, transpose: bool = False) -> Array:
-    """A PETSc matrix, or its transpose, times rows (k, owned) [matrix times row] (collective)."""
-    right, left = matrix.createVecs()
-    given, found = (left, right) if transpose else (right, left)
-    times = matrix.multTranspose if transpose else matrix.mult
-    result = np.empty((len(vectors), found.getLocalSize()))
-    for row, vector in zip(result, vectors, strict=True):
-        given.array[:] = vector
-        times(given, found)
-        row[:] = found.array_r
-    right.destroy()
-    left.destroy()
-    return result
 
 
 # Distance from a facet of points inside of its body, over its length [1]: above the rounding of
@@ -460,18 +433,19 @@ def _check_copies(mesh: Any, sides: _Sides) -> None:
     """Reject facets of the outside that coincide with the cells on the same side (collective)."""
     outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
     corners, side = sides.ends(outer), sides.side[outer, None]
-    mine = corners.mean(axis=1), side * _normals(corners)
-    middles, normals = from_all_ranks(mesh.comm, mine)
+    middles, normals = from_all_ranks(mesh.comm, (corners.mean(axis=1), side * _normals(corners)))
     sizes = np.linalg.norm(normals, axis=1) ** (1.0 / (middles.shape[1] - 1))
     if middles.shape[1] == 2:
-        i, j = near(middles, middles, HALF_FACET * float(sizes.min()))
+        i, j = arrays.near(middles, middles, arrays.HALF_FACET * float(sizes.min()))
         i, j = i[i < j], j[i < j]
     else:
         from scipy.spatial import cKDTree  # not imported by problems in the plane
 
-        pairs = cKDTree(middles).query_pairs(SAME_PLACE * float(sizes.max()), output_type="ndarray")
+        pairs = cKDTree(middles).query_pairs(
+            arrays.SAME_PLACE * float(sizes.max()), output_type="ndarray"
+        )
         i, j = pairs[np.lexsort(pairs.T[::-1])].T
-    close = np.linalg.norm(middles[i] - middles[j], axis=1) <= SAME_PLACE * sizes[i]
+    close = np.linalg.norm(middles[i] - middles[j], axis=1) <= arrays.SAME_PLACE * sizes[i]
     copies = i[close & ((normals[i] * normals[j]).sum(axis=1) > 0.0)]
     if copies.size:
         raise MeshError(
@@ -484,18 +458,19 @@ def _check_copies(mesh: Any, sides: _Sides) -> None:
 def _check_outline(outline: Outline, curves: Sequence[Curve]) -> None:
     """Reject outlines that cross themselves or enclose each other (local)."""
     start, end = np.moveaxis(outline.X[outline.segments], 1, 0)
-    pairs, body = near_pairs(start, end), outline.segment_bodies
+    pairs, body = arrays.near_pairs(start, end), outline.segment_bodies
     middles, along = 0.5 * (start + end), end - start
     paired = np.zeros(len(start), bool)
     for curve in (curve for curve in curves if curve.num_nodes):
         paired |= outline.are_of(curve)
     i, j = pairs.T
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
-    crosses = lines_cross(start, end, pairs, SAME_PLACE)
+    crosses = arrays.lines_cross(start, end, pairs, arrays.SAME_PLACE)
     links = outline.neighbours()
     i, j = pairs.T
     separate = (links[0][i] != j) & (links[0][j] != i) & ~crosses
-    touches = np.flatnonzero(separate)[lines_cross(start, end, pairs[separate], touching=True)]
+    touch = arrays.lines_cross(start, end, pairs[separate], touching=True)
+    touches = np.flatnonzero(separate)[touch]
     crosses[touches] = _cross_at_nodes(start, end, links, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
@@ -524,7 +499,7 @@ def _cross_at_nodes(
             lines = np.concatenate([start[one[0]], start[other[0]]])
             ends = np.concatenate([end[one[1]], end[other[1]]])
             both = np.arange(2 * len(pairs)).reshape(2, -1).T
-            found |= lines_cross(lines, ends, both, SAME_PLACE)
+            found |= arrays.lines_cross(lines, ends, both, arrays.SAME_PLACE)
     return found
 
 

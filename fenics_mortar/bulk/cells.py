@@ -23,22 +23,11 @@ from fenics_mortar.interface.reference import gauss_points, tabulate
 from fenics_mortar.kernels.crossing import interpolate
 from fenics_mortar.kernels.facets import tabulate_volumes
 from fenics_mortar.kernels.tree import build_tree, spatial_order
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import (
-    ROUNDING,
-    SAME_PLACE,
-    Array,
-    Flags,
-    Indices,
-    Numbers,
-    cross_in_plane,
-    summed,
-)
-from fenics_mortar.utils.errors import count_points
-from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
+from fenics_mortar.utils import arrays, compat, errors, ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
+    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
 
 # Degree of Lagrange functions by the number of nodes of a cell.
 DEGREES = {3: 1, 4: 1, 6: 2, 9: 2, 10: 2, 8: 1, 27: 2}
@@ -115,8 +104,7 @@ def gradients_at(V: Any, points: Array) -> Array:
 
     Shape (p, functions, dim), in the reference cell [1].
     """
-    table = lagrange(V).tabulate(1, points)[1:, :, :, 0]
-    return np.ascontiguousarray(np.moveaxis(table, 0, -1))
+    return np.ascontiguousarray(np.moveaxis(lagrange(V).tabulate(1, points)[1:, :, :, 0], 0, -1))
 
 
 def lagrange(V: Any) -> Any:
@@ -174,24 +162,23 @@ class Cells:
         now, before = (place[self._nodes, 0].mean(axis=1) for place in (x, self.X))
         return now / before - 1.0
 
-    def middles(self, x: Array) -> Array:
-        """Midpoints of the cells at positions ``x`` (n, dim), (cells, dim) [length] (local)."""
-        return np.asarray(x[self._nodes].mean(axis=1))
-
     def count(self, marks: Flags) -> tuple[int, str]:
         """Number of marked owned cells, shape (cells,), and the position of one (collective).
 
         The position is that of the reference state, as text.
         """
-        if not on_any_rank(self._comm, bool(marks.any())):
+        if not ranks.on_any_rank(self._comm, bool(marks.any())):
             return 0, "nowhere"
-        return count_points(self._comm, self.X[self._nodes[marks]].mean(axis=1))
+        return errors.count_points(self._comm, self.X[self._nodes[marks]].mean(axis=1))
+
+    def undeformed_areas(self) -> Array:
+        """Areas of the cells, but for a common factor, shape (cells,) [length^dim] (local)."""
+        return np.abs(np.nan_to_num(self._undeformed_areas)).mean(axis=1)
 
     def mean_size(self) -> float:
         """Mean length of the undeformed cells, equal on all ranks [length] (collective)."""
-        areas = np.abs(np.nan_to_num(self._undeformed_areas)).mean(axis=1)
-        sizes = areas ** (1.0 / self.X.shape[1])
-        total, count = sum_over_ranks(self._comm, [sizes.sum(), float(sizes.size)])
+        sizes = self.undeformed_areas() ** (1.0 / self.X.shape[1])
+        total, count = ranks.sum_over_ranks(self._comm, [sizes.sum(), float(sizes.size)])
         return float(total / count)
 
     def flat(self) -> tuple[int, str]:
@@ -207,10 +194,10 @@ class Cells:
         if self.X.shape[1] == 2:
             polygon = self.X[self._nodes[:, :count]][:, OUTLINE[count]]
             after = np.roll(polygon, -1, axis=1) - polygon
-            corners = cross_in_plane(np.roll(after, 1, axis=1), after)
+            corners = arrays.cross_in_plane(np.roll(after, 1, axis=1), after)
         else:
             corners = np.nan_to_num(self._undeformed_areas[:, :count])
-        least = SAME_PLACE * np.abs(corners).max(axis=1, initial=0.0)
+        least = arrays.SAME_PLACE * np.abs(corners).max(axis=1, initial=0.0)
         signs = np.sign(corners) * (np.abs(corners) > least[:, None])
         return self.count((signs < 0.0).any(axis=1) & (signs > 0.0).any(axis=1))
 
@@ -221,9 +208,12 @@ class Cells:
     @cached_property
     def _shape_gradients(self) -> Array:
         """d(shape functions)/dX, averaged over a cell's nodes, (cells, nodes, dim) [1 / length]."""
+        known = ~np.isnan(self._undeformed_areas)  # not at the tip of a quarter-point element
         jacobian = np.einsum("eka,nkb->enab", self.X[self._nodes], self._gradients)
-        gradients = np.einsum("nkb,enba->ekna", self._gradients, np.linalg.inv(jacobian))
-        return np.asarray(gradients.mean(axis=2))
+        jacobian[~known] = np.eye(self.X.shape[1])
+        weights = known / np.maximum(known.sum(axis=1), 1)[:, None]
+        inverse = np.linalg.inv(jacobian) * weights[..., None, None]
+        return np.einsum("nkb,enba->eka", self._gradients, inverse, optimize=True)
 
 
 def areas_at(x: Array, cells: Numbers, gradients: Array) -> Array:
@@ -246,7 +236,7 @@ def areas_or_nan(X: Array, cells: Numbers, gradients: Array) -> Array:
     """
     areas = areas_at(X, cells, gradients)
     extent = np.ptp(X[cells], axis=1).max(axis=1, initial=0.0)
-    return np.where(np.abs(areas) > ROUNDING * extent[:, None] ** X.shape[1], areas, np.nan)
+    return np.where(np.abs(areas) > arrays.ROUNDING * extent[:, None] ** X.shape[1], areas, np.nan)
 
 
 def sum_over_cells(mesh: Any, facets: Any, values: Array) -> Array:
@@ -263,7 +253,7 @@ def sum_over_cells(mesh: Any, facets: Any, values: Array) -> Array:
     topology, comm = mesh.topology, mesh.comm
     index_map = topology.index_map(topology.dim - 1)
     size = index_map.size_local + index_map.num_ghosts
-    sums = np.stack([summed(column, facets, size) for column in values.T], axis=1)
+    sums = np.stack([arrays.summed(column, facets, size) for column in values.T], axis=1)
     if comm.size == 1:
         return sums
     topology.create_connectivity(topology.dim - 1, topology.dim)

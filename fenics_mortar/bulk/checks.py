@@ -19,23 +19,16 @@ from ufl.geometry import GeometricQuantity
 
 from fenics_mortar.interface.corners import TURN
 from fenics_mortar.interface.self_contact import shared_nodes
-from fenics_mortar.interface.surfaces import outward_normals
+from fenics_mortar.interface.surfaces import Surface, outward_normals
 from fenics_mortar.mesh.data import MeshData, check_solid, check_tags
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.errors import (
-    MeshError,
-    MortarError,
-    SurfaceError,
-    check_kind,
-    format_point,
-)
+from fenics_mortar.utils import compat, errors, ranks
+from fenics_mortar.utils.arrays import ROUNDING, Array, Indices
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.pair import ContactPair, TiedPair
-    from fenics_mortar.interface.surfaces import Surface
-    from fenics_mortar.utils.arrays import Array, Indices
+    from fenics_mortar.mesh.space import DisplacementSpace
 
 # Name of the measure, dimension of the mesh minus that of its entities, and descriptions of one and
 # of all of these, by UFL's type of integral.
@@ -67,7 +60,7 @@ def check_subdomains(what: str, form: Any, mesh: dmesh.Mesh, named: Sequence[Mes
         if hasattr(tags, "find"):
             check_tags(f"the tags of {measure} in the {what}", tags, mesh)
             if tags.dim != dim:
-                raise MeshError(
+                raise errors.MeshError(
                     f"the tags of {measure} in the {what} are of dimension {tags.dim}; expected "
                     f"tags of dimension {dim}"
                 )
@@ -76,7 +69,7 @@ def check_subdomains(what: str, form: Any, mesh: dmesh.Mesh, named: Sequence[Mes
         where = f"the {what} has an integral over {measure}({{}})"
         if tags is None:
             name = "cell_tags" if codimension == 0 else "facet_tags"
-            raise MeshError(
+            raise errors.MeshError(
                 f"{where.format(numbers[0])}, but this measure has no tags, and the integral would "
                 f"be zero: give it subdomain_data=data.{name}"
             )
@@ -84,7 +77,7 @@ def check_subdomains(what: str, form: Any, mesh: dmesh.Mesh, named: Sequence[Mes
         present = sorted(set().union(*mesh.comm.allgather(here)))
         missing = [number for number in numbers if number not in present]
         if missing:
-            raise MeshError(
+            raise errors.MeshError(
                 f"{where.format(missing[0])}, but no {entity} has the tag {missing[0]}, and the "
                 f"integral would be zero; the tags there are {_listed(present, tags, named)}: "
                 "correct the tag, or leave out the integral"
@@ -141,7 +134,7 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
     """
     mesh = V.mesh
     if compat.scalar_is_complex():
-        raise MortarError(
+        raise errors.MortarError(
             "PETSc has complex scalars; install the build with real scalars (petsc-real)"
         )
     check_solid(mesh)
@@ -153,19 +146,19 @@ def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
     at_vertices = len(layout.entity_dofs(0, 0)) == 1
     if V.dofmap.index_map_bs != dim or not at_vertices or not degrees:
         vectors = "plane vectors" if dim == 2 else "vectors"
-        raise MortarError(
+        raise errors.MortarError(
             f"the displacement is not in the Lagrange space of {vectors} of degree 1 or 2 (P1, "
             "Q1, P2 or Q2): use vector_space(mesh, 1) or vector_space(mesh, 2), or a mixed space "
             "with the displacement as its first sub-space"
         )
     if compat.geometry_dofmap(mesh).shape[1] not in (corners, nodes[degrees[0]]):
-        raise MeshError(
+        raise errors.MeshError(
             "the mesh has curved cells; contact needs straight ones of first order, or cells of "
             "second order with a displacement of degree 2"
         )
     for pair in pairs:
         if pair.data.mesh is not mesh:
-            raise MeshError(
+            raise errors.MeshError(
                 f"the pair '{pair.slave_name}' - '{pair.master_name}' belongs to another mesh"
             )
 
@@ -177,7 +170,7 @@ def _check_coordinates(mesh: Any) -> None:
         np.concatenate(mesh.comm.allgather(np.asarray(mesh.geometry.input_global_indices)[bad]))
     )
     if numbers.size:
-        raise MeshError(
+        raise errors.MeshError(
             f"coordinates of {numbers.size} nodes are not finite, e.g. of node {numbers[0]} "
             "(counted from 0, in the order of the input)"
         )
@@ -193,10 +186,11 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
         both = np.intersect1d(*(pair.slave.nodes[pair.may_carry] for pair in (one, other)))
         if both.size and _have_common_master(one, other):
             where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
-            raise SurfaceError(
+            raise errors.SurfaceError(
                 f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
-                f"'{one.slave.name}' and '{other.slave.name}', one at {format_point(where)}; "
-                f"pass both sides in one list, or make one of the two a master there"
+                f"'{one.slave.name}' and '{other.slave.name}', one at "
+                f"{errors.format_point(where)}; pass both sides in one list, or make one of the "
+                "two a master there"
             )
 
 
@@ -265,8 +259,7 @@ def check_jacobian(jacobian: Any, u: Any) -> None:
     Raises:
         ValueError: If the form does not have two arguments of this space.
     """
-    expected = "the jacobian needs one test and one trial function"
-    _check_form("jacobian", jacobian, 2, u, expected)
+    _check_form("jacobian", jacobian, 2, u, "the jacobian needs one test and one trial function")
 
 
 def check_domain(name: str, form: Any, mesh: Any) -> None:
@@ -309,7 +302,7 @@ def check_domain(name: str, form: Any, mesh: Any) -> None:
 
 def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None:
     """Reject forms without exactly ``count`` arguments of the space of ``u`` (local)."""
-    check_kind(name, form, ufl.Form, "a UFL form")
+    errors.check_kind(name, form, ufl.Form, "a UFL form")
     check_domain(name, form, u.function_space.ufl_domain())
     try:
         arguments = form.arguments()
@@ -339,11 +332,13 @@ def check_cells(bulk: Bulk) -> None:
     count, where = bulk.cells.flat()
     if count:
         size = "area" if bulk.space.dim == 2 else "volume"
-        raise MeshError(f"{count} cells have no {size}, one at {where}")
+        raise errors.MeshError(f"{count} cells have no {size}, one at {where}")
     count, where = bulk.cells.twisted()
     if count:
         order = "the order of their corners, which go round a cell"
-        raise MeshError(f"{count} cells are twisted, one at {where}: correct the mesh, or {order}")
+        raise errors.MeshError(
+            f"{count} cells are twisted, one at {where}: correct the mesh, or {order}"
+        )
 
 
 def refuse_inertia(bulk: Bulk, what: str) -> None:
@@ -357,7 +352,7 @@ def refuse_inertia(bulk: Bulk, what: str) -> None:
         MortarError: If the bodies have inertia.
     """
     if bulk.inertia is not None:
-        raise MortarError(f"{what} does not support inertia: expected a static problem")
+        raise errors.MortarError(f"{what} does not support inertia: expected a static problem")
 
 
 def refuse_history(bulk: Bulk, what: str) -> None:
@@ -372,6 +367,55 @@ def refuse_history(bulk: Bulk, what: str) -> None:
     """
     if bulk.history.functions:
         names = ", ".join(f"'{function.name}'" for function in bulk.history.functions)
-        raise MortarError(f"{what} does not support bodies with history (here of {names})")
+        raise errors.MortarError(f"{what} does not support bodies with history (here of {names})")
     if bulk.history.before_assembly is not None:
-        raise MortarError(f"{what} does not support before_assembly")
+        raise errors.MortarError(f"{what} does not support before_assembly")
+
+
+def check_rules(residual: Any, u: Any, space: DisplacementSpace) -> None:
+    """Reject a residual that the form compiler evaluates at wrong points (collective).
+
+    FFCx 0.5 takes values at the point of a rule of one point for the points of other rules, too,
+    on quadrilaterals and curved triangles. If a residual has such rules, it is compared with the
+    sum of its integrals, compiled one by one, at a displacement of 1e-3 of the mesh.
+
+    Args:
+        residual: UFL form, linear in a test function of the space of ``u``.
+        u: Displacement, alone or in a mixed function; unchanged.
+        space: The displacement's nodes and dofs.
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    V, integrals = space.V, residual.integrals_by_type("cell")
+    rules = {rule for i in integrals for rule, _ in compat.quadrature_rules(residual, i)}
+    sizes = {len(compat.quadrature_points(compat.cell_name(V.mesh), rule)) for rule in rules}
+    if 1 not in sizes or len(sizes) < 2:
+        return
+    kept, X = u.x.array.copy(), np.zeros(u.x.array.size)
+    X[: space.dofs.max(initial=-1) + 1] = space.positions()
+    size = float(ranks.largest_over_ranks(V.mesh.comm, np.abs(X).max(initial=0.0)))
+    u.x.array[:] = 1e-3 * size * np.cos(3.0 * X / size + np.arange(X.size) % 2)
+    u.x.scatter_forward()
+    try:
+        parts = [residual, *(ufl.Form([integral]) for integral in residual.integrals())]
+        whole, *others = (_assembled(part, u) for part in parts)
+    finally:
+        u.x.array[:] = kept
+    sizes_of = [np.abs(values).max(initial=0.0) for values in (whole - sum(others), whole)]
+    error, largest = ranks.largest_over_ranks(V.mesh.comm, np.array(sizes_of))
+    if error > ROUNDING * largest:
+        raise errors.MortarError(
+            "this release of the form compiler evaluates the residual at wrong points: it has "
+            "integrals over cells by one point (quadrature_degree 0 or 1) and others by more; take "
+            "quadrature_degree=2 or more for all, or a mixed function of displacement and pressure"
+        )
+
+
+def _assembled(form: Any, u: Any) -> Array:
+    """A form of rank 1, assembled, (owned dofs,)."""
+    vector = compat.create_vector(u.function_space)
+    compat.assemble_vector(vector, compat.form(form))
+    values = vector.array_r.copy()
+    vector.destroy()
+    return np.asarray(values)

@@ -3,7 +3,6 @@
 
 ``Fluxes`` extracts the stress, the loads and the moduli of any material from the form.
 ``FormPoints`` finds the deformations that the form inverts, at the points where it is evaluated.
-``check_rules`` rejects forms that the form compiler evaluates at wrong points.
 """
 
 from __future__ import annotations
@@ -22,18 +21,10 @@ from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.constantvalue import Zero
 from ufl.corealg.multifunction import MultiFunction
 
-from fenics_mortar.bulk.cells import (
-    ReferenceCell,
-    areas_at,
-    areas_or_nan,
-    gradients_at,
-    nodal_gradients,
-)
+from fenics_mortar.bulk import cells as bulk_cells
 from fenics_mortar.kernels.facets import keep_volume
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices, Numbers
-from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import largest_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
@@ -83,9 +74,9 @@ class Fluxes:
         """Extract and compile (collective)."""
         self._mesh, self._dim = space.V.mesh, space.dim
         mesh, dim = self._mesh, self._dim
-        self.cell = ReferenceCell(compat.cell_name(mesh))
+        self.cell = bulk_cells.ReferenceCell(compat.cell_name(mesh))
         # Distance from the axis of revolution below which it is rounding; -1 without an axis
-        extent = largest_over_ranks(mesh.comm, np.abs(mesh.geometry.x).max(initial=0.0))
+        extent = ranks.largest_over_ranks(mesh.comm, np.abs(mesh.geometry.x).max(initial=0.0))
         self._axis = ROUNDING * float(extent) if space.is_axisymmetric else -1.0
         # Test function of the form itself: with dolfinx 0.5 a new one may hash differently, since
         # the first compilation changes the mesh's element.
@@ -120,8 +111,7 @@ class Fluxes:
         self._values = self._compile(at_points, everywhere)
         self._moduli = self._compile(moduli, self.cell.midpoint)
         self._normal = fem.Constant(mesh, np.zeros(dim))
-        K = ufl.JacobianInverse(mesh)
-        normal = ufl.dot(self._normal, K)
+        normal = ufl.dot(self._normal, ufl.JacobianInverse(mesh))
         normal = normal / ufl.sqrt(ufl.dot(normal, normal))
         for integrand in boundary.values():
             normals = extract_type(integrand, ufl.FacetNormal)
@@ -159,9 +149,9 @@ class Fluxes:
         Raises:
             MortarError: On all ranks, if a gradient of another test function occurs.
         """
-        largest = largest_over_ranks(self._mesh.comm, mine)
+        largest = ranks.largest_over_ranks(self._mesh.comm, mine)
         if largest[0] > ROUNDING * largest[1]:
-            raise MortarError(
+            raise errors.MortarError(
                 "the error cannot be estimated: the residual has the gradient of a test function "
                 "other than that of the displacement; expected constraints such as "
                 "(div(u) - p / kappa) * q"
@@ -223,14 +213,14 @@ def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, An
         kind, number = integral.integral_type(), integral.subdomain_id()
         tags = integral.subdomain_data()
         if kind not in found or number == "otherwise":
-            raise MortarError(
+            raise errors.MortarError(
                 f"the error cannot be estimated: the residual has an integral of kind {kind!r} "
                 f"over {number!r}; expected integrals over cells and boundary"
             )
         if number == "everywhere":
             tags = None
         elif not hasattr(tags, "find"):
-            raise MortarError(
+            raise errors.MortarError(
                 f"the error cannot be estimated: an integral over part {number} has no MeshTags"
             )
         group = found[kind]
@@ -394,6 +384,7 @@ class FormPoints:
 
     Attributes:
         any: Whether an integral of the form has finite strains, equal on all ranks.
+        linear: The owned cells without such integrals, shape (m,).
     """
 
     def __init__(self, residual: Any, u: Any, space: DisplacementSpace) -> None:
@@ -411,10 +402,11 @@ class FormPoints:
         for rule, found in groups.items():
             cells = np.unique(np.concatenate(found))
             points = compat.quadrature_points(compat.cell_name(V.mesh), rule)
-            self._finite.append(_points(X, nodes, cells, gradients_at(V, points)))
+            self._finite.append(_points(X, nodes, cells, bulk_cells.gradients_at(V, points)))
             rest[cells] = False
-        at_nodes = nodal_gradients(V)
-        self._linear = _points(X, nodes, np.flatnonzero(rest), at_nodes)
+        at_nodes = bulk_cells.nodal_gradients(V)
+        self.linear: Indices = np.flatnonzero(rest)
+        self._linear = _points(X, nodes, self.linear, at_nodes)
         self._nodes_of_finite = _points(X, nodes, np.flatnonzero(~rest), at_nodes)
 
     def keep_area(self, before: Array, after: Array, fraction: float, *, linear: bool) -> bool:
@@ -448,7 +440,7 @@ class FormPoints:
         """
         found = np.zeros(self._num_cells, bool)
         for group in self._finite:
-            ratios = areas_at(x, group.nodes, group.gradients) / group.undeformed
+            ratios = bulk_cells.areas_at(x, group.nodes, group.gradients) / group.undeformed
             found[group.cells] |= (ratios <= 0.0).any(axis=1)
         return found
 
@@ -472,7 +464,7 @@ def _points(X: Array, nodes: Any, cells: Indices, gradients: Array) -> CellPoint
     """Points of some cells; those with the same gradients, as of a straight triangle, are one."""
     different = np.unique(gradients, axis=0)
     own = np.ascontiguousarray(nodes[cells])
-    return CellPoints(cells, own, different, areas_or_nan(X, own, different))
+    return CellPoints(cells, own, different, bulk_cells.areas_or_nan(X, own, different))
 
 
 def _with_finite_strains(residual: Any, u: Any, space: DisplacementSpace) -> list[Any]:
@@ -503,52 +495,3 @@ class _EqualBranches(MultiFunction):
     def conditional(self, o: Any, condition: Any, true: Any, false: Any) -> Any:
         """Replace a conditional of equal values."""
         return true if true == false else self.reuse_if_untouched(o, condition, true, false)
-
-
-def check_rules(residual: Any, u: Any, space: DisplacementSpace) -> None:
-    """Reject a residual that the form compiler evaluates at wrong points (collective).
-
-    FFCx 0.5 takes values at the point of a rule of one point for the points of other rules, too,
-    on quadrilaterals and curved triangles. If a residual has such rules, it is compared with the
-    sum of its integrals, compiled one by one, at a displacement of 1e-3 of the mesh.
-
-    Args:
-        residual: UFL form, linear in a test function of the space of ``u``.
-        u: Displacement, alone or in a mixed function; unchanged.
-        space: The displacement's nodes and dofs.
-
-    Raises:
-        MortarError: On all ranks.
-    """
-    V, integrals = space.V, residual.integrals_by_type("cell")
-    rules = {rule for i in integrals for rule, _ in compat.quadrature_rules(residual, i)}
-    sizes = {len(compat.quadrature_points(compat.cell_name(V.mesh), rule)) for rule in rules}
-    if 1 not in sizes or len(sizes) < 2:
-        return
-    kept, X = u.x.array.copy(), np.zeros(u.x.array.size)
-    X[: space.dofs.max(initial=-1) + 1] = space.positions()
-    size = float(largest_over_ranks(V.mesh.comm, np.abs(X).max(initial=0.0)))
-    u.x.array[:] = 1e-3 * size * np.cos(3.0 * X / size + np.arange(X.size) % 2)
-    u.x.scatter_forward()
-    try:
-        parts = [residual, *(ufl.Form([integral]) for integral in residual.integrals())]
-        whole, *others = (_assembled(part, u) for part in parts)
-    finally:
-        u.x.array[:] = kept
-    sizes_of = [np.abs(values).max(initial=0.0) for values in (whole - sum(others), whole)]
-    error, largest = largest_over_ranks(V.mesh.comm, np.array(sizes_of))
-    if error > ROUNDING * largest:
-        raise MortarError(
-            "this release of the form compiler evaluates the residual at wrong points: it has "
-            "integrals over cells by one point (quadrature_degree 0 or 1) and others by more; take "
-            "quadrature_degree=2 or more for all, or a mixed function of displacement and pressure"
-        )
-
-
-def _assembled(form: Any, u: Any) -> Array:
-    """A form of rank 1, assembled, (owned dofs,)."""
-    vector = compat.create_vector(u.function_space)
-    compat.assemble_vector(vector, compat.form(form))
-    values = vector.array_r.copy()
-    vector.destroy()
-    return np.asarray(values)

@@ -26,22 +26,11 @@ from scipy.sparse import coo_array, csr_array
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.bulk.bodies import centre_and_size, label_bodies, products
+from fenics_mortar.bulk.bodies import centre_and_size, label_bodies
 from fenics_mortar.mesh.space import DisplacementSpace, by_input_node, set_by_input_node
 from fenics_mortar.obstacles.rigid_motion import moments_of
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import (
-    ASSEMBLY_ROUNDING,
-    EPSILON,
-    MAX_STEPS,
-    ROUNDING,
-    SAME_PLACE,
-    TINY,
-    Array,
-    Flags,
-    Indices,
-    Value,
-)
+from fenics_mortar.utils import arrays, compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import MortarError, format_point
 from fenics_mortar.utils.ranks import from_all_ranks
 
@@ -103,17 +92,17 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
         powers = np.array([fields[a] * fields[b] for a, b in MOMENTS[dim]])
         target = _moments(M, fields, fields, comm)
         factors = np.zeros(len(MOMENTS[dim]))
-        for _ in range(MAX_STEPS):
+        for _ in range(arrays.MAX_STEPS):
             scaled = (1.0 + factors @ powers) * fields
             missing = target - _moments(moved, scaled, scaled, comm)
             # the number of all nodes: no rank may leave this loop alone
-            if np.abs(missing).max() <= EPSILON * num_nodes * np.abs(target).max():
+            if np.abs(missing).max() <= arrays.EPSILON * num_nodes * np.abs(target).max():
                 break
             by_factors = [2.0 * _moments(moved, scaled, p * fields, comm) for p in powers]
             factors = factors + np.linalg.lstsq(np.transpose(by_factors), missing, rcond=None)[0]
         mass = 1.0 + factors @ powers[:, dofs[mine, 0]]
         smallest = comm.allreduce(float(mass.min(initial=np.inf)), min)
-        if np.abs(missing).max() > ROUNDING * np.abs(target).max() or smallest <= 0.0:
+        if np.abs(missing).max() > arrays.ROUNDING * np.abs(target).max() or smallest <= 0.0:
             return None
         scales[dofs[mine]] = mass[:, None]
     return scales
@@ -121,9 +110,8 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
 
 def _moments(M: PETSc.Mat, one: Array, other: Array, comm: MPI.Comm) -> Array:
     """Symmetric parts of one_a . M other_b for all ``MOMENTS``, equal on all ranks."""
-    found = comm.allreduce(one @ products(M, other).T)
-    pairs = MOMENTS[len(one) - 1]
-    return np.array([0.5 * (found[a, b] + found[b, a]) for a, b in pairs])
+    found = comm.allreduce(one @ compat.products(M, other).T)
+    return np.array([0.5 * (found[a, b] + found[b, a]) for a, b in MOMENTS[len(one) - 1]])
 
 
 def _projection(
@@ -216,7 +204,8 @@ def _extrapolating(offsets: Array) -> Array | None:
     size = np.sqrt(square.max(initial=0.0)) or 1.0
     fields = np.vstack([np.ones(len(offsets)), offsets.T / size])
     gram = (fields / square) @ fields.T
-    if np.linalg.matrix_rank(gram, tol=SAME_PLACE * np.abs(gram).max(initial=1.0)) < len(gram):
+    negligible = arrays.SAME_PLACE * np.abs(gram).max(initial=1.0)
+    if np.linalg.matrix_rank(gram, tol=negligible) < len(gram):
         return None
     return (np.linalg.solve(gram, np.eye(len(gram))[0]) @ fields) / square
 
@@ -281,6 +270,7 @@ class Rates(Value):
         begun: Whether the accelerations are known.
         energy_deficit: Energy lost by errors of the time steps and not returned yet, see
             ``path.time_steps`` [stress length^2].
+        largest_kinetic: Largest kinetic energy so far [stress length^2].
     """
 
     velocity: Array
@@ -289,6 +279,7 @@ class Rates(Value):
     time: float = 0.0
     begun: bool = False
     energy_deficit: float = 0.0
+    largest_kinetic: float = 0.0
 
 
 class Inertia:
@@ -336,10 +327,7 @@ class Inertia:
         """The consistent mass matrix."""
         space = self._space
         parts = ufl.TrialFunction(space.whole), ufl.TestFunction(space.whole)
-        if space.is_mixed:
-            a, b = (ufl.split(function)[space.part] for function in parts)
-        else:
-            a, b = parts
+        a, b = (ufl.split(f)[space.part] if space.is_mixed else f for f in parts)
         form = compat.form(density * ufl.inner(a, b) * ufl.dx)
         M = compat.create_matrix(form)
         compat.assemble_matrix(M, form)
@@ -496,5 +484,7 @@ class Inertia:
         solver.setType(PETSc.KSP.Type.CG)
         solver.getPC().setType(PETSc.PC.Type.JACOBI)
         solver.setOperators(M)
-        solver.setTolerances(rtol=ASSEMBLY_ROUNDING, atol=TINY, max_it=10 * M.getSize()[0])
+        solver.setTolerances(
+            rtol=arrays.ASSEMBLY_ROUNDING, atol=arrays.TINY, max_it=10 * M.getSize()[0]
+        )
         return solver

@@ -12,10 +12,8 @@ import numpy as np
 
 from dolfinx import fem
 
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
-from fenics_mortar.utils.errors import MortarError, check_same, count_points
-from fenics_mortar.utils.ranks import on_all_ranks, on_any_rank
 
 
 class InputData:
@@ -55,19 +53,19 @@ class InputData:
             compat.set_prescribed(values, bcs)
             count, where = self.count_nodes(~np.isfinite(values))
             if count:
-                raise MortarError(message.format(count, where))
+                raise errors.MortarError(message.format(count, where))
         data = [(c.value, f"a constant of the residual is {c.value}") for c in self._constants]
         data += [
             (f.x.array, f"function '{f.name}' of the residual is not finite")
             for f in self._coefficients
         ]
         messages = [message for value, message in data if not np.isfinite(value).all()]
-        if on_any_rank(self._comm, bool(messages)):
+        if ranks.on_any_rank(self._comm, bool(messages)):
             everywhere = set().union(*self._comm.allgather(set(messages)))
-            raise MortarError("; ".join(sorted(everywhere)))
+            raise errors.MortarError("; ".join(sorted(everywhere)))
         same = [("a constant of the residual", c.value) for c in self._constants]
         same += [("a prescribed displacement", compat.prescribed_value(bc)) for bc in self._bcs]
-        check_same(self._comm, same)
+        errors.check_same(self._comm, same)
         self._check_ghosts()
 
     def _check_ghosts(self) -> None:
@@ -95,7 +93,7 @@ class InputData:
             largest = self._comm.allreduce(float(np.abs(given).max(initial=0.0)), MPI.MAX)
             wrong = self._comm.allreduce(int((change > ROUNDING * largest).sum()))
             if wrong:
-                raise MortarError(
+                raise errors.MortarError(
                     f"{name} has other values at {wrong} ghost dofs than on the rank that owns "
                     "them: set it on all ranks, and call x.scatter_forward() of the function"
                 )
@@ -119,14 +117,14 @@ class InputData:
 
         Motions by rounding, as by a tied pair of a second problem on the mesh, are accepted.
         """
-        if on_all_ranks(self._comm, np.array_equal(self._mesh.geometry.x, self._nodes)):
+        if ranks.on_all_ranks(self._comm, np.array_equal(self._mesh.geometry.x, self._nodes)):
             return
         far = self._comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
         same = np.abs(self._mesh.geometry.x - self._nodes) <= ROUNDING * far
         moved = np.unique(np.nonzero(~same)[0])
-        count, where = count_points(self._comm, self._nodes[moved, : self._space.dim])
+        count, where = errors.count_points(self._comm, self._nodes[moved, : self._space.dim])
         if count:
-            raise MortarError(
+            raise errors.MortarError(
                 f"the mesh was moved after the problem was set up, one node was at {where}; move "
                 "it back, or set up a new problem on the moved mesh"
             )
@@ -139,19 +137,18 @@ class InputData:
         Args:
             dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.
         """
-        if not on_any_rank(self._comm, bool(dofs.any())):
+        if not ranks.on_any_rank(self._comm, bool(dofs.any())):
             return 0, "nowhere"
         space = self._space
         others = dofs[: space.num_owned].copy()
         others[space.owned_dofs] = False
-        marked = dofs[space.owned_dofs].any(axis=1)
-        points = [self._X[: space.num_nodes][marked]]
+        points = [self._X[: space.num_nodes][dofs[space.owned_dofs].any(axis=1)]]
         if space.is_mixed:
             cells = compat.dofmap(space.whole)
             middle = np.empty((self._u.x.array.size, space.dim))
             middle[cells] = self._X[compat.dofmap(space.V)].mean(axis=1)[:, None]
             points.append(middle[np.flatnonzero(others)])
-        return count_points(self._comm, np.concatenate(points))
+        return errors.count_points(self._comm, np.concatenate(points))
 
 
 def _dofs_of_owned_cells(function: Any) -> Indices:

@@ -27,12 +27,9 @@ from fenics_mortar.bulk.history import History
 from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.node_blocks import CellBlocks, come_in_pairs
 from fenics_mortar.mesh.space import DisplacementSpace, by_input_node
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags, Indices, Numbers
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.compat import free_garbage
-from fenics_mortar.utils.errors import MortarError, call_together
-from fenics_mortar.utils.ranks import largest_over_ranks, on_all_ranks
 
 
 def find_units(K: PETSc.Mat, space: DisplacementSpace, stiffness: float) -> tuple[Array, Array]:
@@ -140,15 +137,9 @@ class Bulk:
     """
 
     def __init__(
-        self,
-        residual: Any,
-        u: Any,
-        bcs: list[Any],
-        jacobian: Any | None,
-        space: DisplacementSpace,
-        history: Sequence[tuple[Any, Any]] = (),
-        before_assembly: Callable[[], Any] | None = None,
-    ) -> None:
+        self, residual: Any, u: Any, bcs: list[Any], jacobian: Any | None, space: DisplacementSpace,
+        history: Sequence[tuple[Any, Any]] = (), before_assembly: Callable[[], Any] | None = None,
+    ) -> None:  # fmt: skip
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.values: Array = u.x.array
         self.comm: MPI.Comm = self.V.mesh.comm
@@ -156,14 +147,15 @@ class Bulk:
         self.is_linear, self.residual = False, residual
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
-            expanded = expand_derivatives(jacobian)
-            self.is_linear = self.u not in expanded.coefficients()
+            self.is_linear = self.u not in expand_derivatives(jacobian).coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         data = [*residual.constants(), *residual.coefficients(), *self._tangent_data]
         self.data = [value for value in dict.fromkeys(data) if value is not u]
         if before_assembly is not None:
-            before_assembly = partial(call_together, self.comm, "before_assembly", before_assembly)
+            before_assembly = partial(
+                errors.call_together, self.comm, "before_assembly", before_assembly
+            )
         self.history = History(history, before_assembly)
         self.input_data = InputData(self, (residual, jacobian))
         self._data: list[Array] = []
@@ -237,7 +229,7 @@ class Bulk:
         """Whether K of a linear residual with this ``data`` is there or kept (collective)."""
         kept = self._constant is not None and self._num_growths <= MAX_GROWTHS
         same = len(data) == len(self._data) and all(map(np.array_equal, data, self._data))
-        return on_all_ranks(self.comm, (self._K_is_whole or kept) and same)
+        return ranks.on_all_ranks(self.comm, (self._K_is_whole or kept) and same)
 
     def _forget_constant(self) -> None:
         """Drop the kept tangent, if there is one (collective)."""
@@ -267,7 +259,7 @@ class Bulk:
 
     def free_garbage(self) -> None:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
-        free_garbage(self.comm, self.r, self.K)
+        compat.free_garbage(self.comm, self.r, self.K)
 
     def extend_tangent(self, zeros: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).
@@ -332,7 +324,7 @@ class Bulk:
         def is_too_large() -> bool:
             now, linear = self.positions(), self.surfaces_slide
             stays = self.form_points.keep_area(before, now, MIN_AREA_RATIO, linear=linear)
-            return not on_all_ranks(self.comm, bool(stays))
+            return not ranks.on_all_ranks(self.comm, bool(stays))
 
         while fraction > smallest and is_too_large():
             fraction *= 0.5
@@ -413,10 +405,8 @@ class Fields:
     """
 
     def __init__(self, bulk: Bulk) -> None:
-        self._bulk, whole = bulk, bulk.space.whole
-        self._parts = [part for part in range(whole.num_sub_spaces) if part != bulk.space.part]
-        dofs = [compat.collapsed(whole.sub(part))[1] for part in self._parts]
-        self._dofs: list[Indices] = [some[some < bulk.num_owned] for some in dofs]
+        self._bulk, fields = bulk, bulk.space.fields
+        self._dofs = {part: some[some < bulk.num_owned] for part, (_, some) in fields.items()}
         self.begin()
 
     def begin(self) -> None:
@@ -437,7 +427,7 @@ class Fields:
         step, x, r = (np.abs(v[: bulk.num_owned]) for v in (step, bulk.values, bulk.r.array_r))
         terms = row_sizes(bulk.K, x + step + self._start)
         rounding = 4.0 * EPSILON * np.sqrt(bulk.num_dofs)
-        for part, dofs in zip(self._parts, self._dofs, strict=True):
+        for part, dofs in self._dofs.items():
             of_field = np.zeros(bulk.num_owned)
             of_field[dofs] = 1.0
             own = row_sizes(bulk.K, of_field)[dofs]
@@ -445,7 +435,7 @@ class Fields:
             noise = rounding * terms[dofs] + sources.get(part, 0.0)
             sizes = step[dofs][known], x[dofs], noise[known] / own[known], r[dofs], 1.0 / own[known]
             mine.append([values.max(initial=0.0) for values in sizes])
-        of_all = largest_over_ranks(bulk.comm, np.array(mine).reshape(-1, 5))
+        of_all = ranks.largest_over_ranks(bulk.comm, np.array(mine).reshape(-1, 5))
         counts = (
             change / max(value, TINY)
             for change, value, noise, load, per_load in of_all
@@ -463,7 +453,7 @@ def mark_prescribed(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Fla
     prescribed = np.zeros(u.x.array.size, bool)
     for number, bc in enumerate(bcs):
         if not compat.is_part_of(space.whole, bc.function_space):
-            raise MortarError(
+            raise errors.MortarError(
                 f"Dirichlet condition {number} belongs to another space; expected the space of u "
                 "or a component of it"
             )

@@ -18,10 +18,8 @@ from ufl.constantvalue import ScalarValue
 from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.bulk.checks import MEASURES
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
-from fenics_mortar.utils.errors import MeshError, MortarError, count_points
-from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.surfaces import Surface
@@ -127,7 +125,7 @@ def _has_factor(
         by_place = varies and any(isinstance(p, ufl.classes.SpatialCoordinate) for p in parts)
         return bool(functions) or by_place or _near(values, factors)
     values = np.concatenate([values, *(np.real(function.x.array) for function in functions)])
-    return on_any_rank(comm, _near(values, factors))
+    return ranks.on_any_rank(comm, _near(values, factors))
 
 
 def _near(values: Array, factors: list[float]) -> bool:
@@ -159,16 +157,16 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
         return
     comm = space.V.mesh.comm
     X, rounding = _nodes(space)
-    count, where = count_points(comm, X[X[:, 0] < -rounding])
+    count, where = errors.count_points(comm, X[X[:, 0] < -rounding])
     if count:
-        raise MeshError(
+        raise errors.MeshError(
             f"{count} nodes have x < 0, one at {where}: with geometry='axisymmetric' x is the "
             "distance from the axis; expected the half of the meridian plane with x >= 0"
         )
     free = ~prescribed[space.owned_dofs[:, 0]]
-    count, where = count_points(comm, X[(np.abs(X[:, 0]) <= rounding) & free])
+    count, where = errors.count_points(comm, X[(np.abs(X[:, 0]) <= rounding) & free])
     if count:
-        raise MortarError(
+        raise errors.MortarError(
             f"{count} nodes on the axis may move away from it, one at {where}: the radial "
             "component is not prescribed; add fm.dirichlet(V, data, name, 0.0, component=0) for "
             "the boundary on the axis"
@@ -228,7 +226,7 @@ def check_axis_values(space: DisplacementSpace, u: Any, bcs: list[Any], on_axis:
     moved = np.abs(values[on_axis])
     largest = space.V.mesh.comm.allreduce(float(moved.max(initial=0.0)), MPI.MAX)
     if largest > 0.0 and largest > _nodes(space)[1]:
-        raise MortarError(
+        raise errors.MortarError(
             f"nodes on the axis are moved away from it by {largest:.3g}: expected 0 for their "
             "radial component"
         )

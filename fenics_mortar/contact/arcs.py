@@ -110,12 +110,9 @@ class Arc(NamedTuple):
 
 
 def arc(
-    now: tuple[Array, Array],
-    start: tuple[Array, Array],
-    theta: Array,
-    beta: Array,
+    now: tuple[Array, Array], start: tuple[Array, Array], theta: Array, beta: Array,
     gap: Array | float = 0.0,
-) -> Arc:
+) -> Arc:  # fmt: skip
     """Slip of a step in the plane, see ``Arc`` (local).
 
     Args:
@@ -506,9 +503,8 @@ def vectors_of(R: Array) -> tuple[Array, Array]:
 
     Close to half a turn the vectors are inaccurate, the angles are not.
     """
-    axial = 0.5 * np.stack(
-        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
-    )
+    spins = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
+    axial = 0.5 * np.stack(spins, axis=1)
     angle = np.arctan2(norms(axial), 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
     return np.asarray(axial / np.maximum(np.sinc(angle / np.pi), TINY)[:, None]), angle
 

@@ -2,14 +2,13 @@
 """Conductance of an interface for a scalar field: temperature, potential, concentration, pressure.
 
 ``Conductance`` is the law of a flux across a contact, with its terms ``PressureConductance`` and
-``GapConductance``.
+``GapConductance``; ``NodalFlux`` has the fluxes at the slave nodes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, check_number
+from fenics_mortar.utils.errors import MortarError, check_number, is_function
 
 # Pressure over the reference pressure [1] below which a power law with an exponent below 1, whose
 # slope is infinite at zero, is continued by a parabola with the same value and slope: Newton's
@@ -277,7 +276,7 @@ def _check_field(field: Any) -> None:
 
 def _check_heating(heating: Any) -> None:
     """Reject all but "friction", functions and ``None``."""
-    if not (heating in (None, "friction") or callable(heating)):
+    if not (heating in (None, "friction") or is_function(heating)):
         raise ValueError(
             f"heating={heating!r}: expected 'friction', a function of pressures and positions, "
             "or None"
@@ -301,20 +300,39 @@ def _terms_of(h: Any) -> list[ConductanceFunction]:
         raise ValueError("h=[]: expected at least one conductance")
     expected = "a conductance: a number that is at least 0, or a function of pressure and gap"
     for term in terms:
-        if not callable(term):
+        if not is_function(term):
             check_number("h", term, expected, lambda value: value >= 0.0)
-    return [term if callable(term) else ClosedConductance(float(term)) for term in terms]
+    return [term if is_function(term) else ClosedConductance(float(term)) for term in terms]
 
 
 _CHECKS: dict[str, Callable[[Any], object]] = {
     "field": _check_field,
     "h": _terms_of,
     "heating": _check_heating,
-    "share": partial(
-        check_number, "share", expected="a fraction between 0 and 1", allows=lambda x: 0 <= x <= 1
+    "share": lambda v: check_number(
+        "share", v, "a fraction between 0 and 1", lambda x: 0 <= x <= 1
     ),
-    "scale": partial(
-        check_number, "scale", expected="a positive number", allows=lambda x: 0 < x < np.inf
-    ),
+    "scale": lambda v: check_number("scale", v, "a positive number", lambda x: 0 < x < np.inf),
     "temperature": _check_temperature,
 }
+
+
+@dataclass(frozen=True)
+class NodalFlux:
+    """Flux at the slave nodes of a pair, read-only values; each array has shape (slave nodes,).
+
+    Attributes:
+        jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
+        conductance: h, zero at nodes without partner [flux / field].
+        conduction: Flux by conduction from slave to master [flux].
+        heating: Source by friction, power per area [flux].
+        into_slave: Total that enters the slave [flux length].
+        into_master: Total that enters the master or obstacle [flux length].
+    """
+
+    jump: Array
+    conductance: Array
+    conduction: Array
+    heating: Array
+    into_slave: float
+    into_master: float

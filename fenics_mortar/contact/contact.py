@@ -97,13 +97,9 @@ class Contact(interface.Interface):
     attracted, arm = interface.read_only("now.attracted"), interface.read_only("evaluation.arm")
 
     def __init__(
-        self,
-        pair: ContactPair,
-        space: DisplacementSpace,
-        prescribed: Flags,
-        welds: Indices = interface.NO_WELDS,
-        tied: Indices = interface.NO_NODES,
-    ) -> None:
+        self, pair: ContactPair, space: DisplacementSpace, prescribed: Flags,
+        welds: Indices, tied: Indices,
+    ) -> None:  # fmt: skip
         """Extract the surfaces (collective); see ``Interface``.
 
         Args:
@@ -119,20 +115,18 @@ class Contact(interface.Interface):
         self.rows = ContactRows(self)
         choice = pair.discretization
         normals, _ = evaluate_normals(self.slave, self.slave.X, choice.normals)
-        self._multiplier_nodes = MultiplierNodes(
-            self.slave, normals, self.free, at_vertices=self.at_vertices
-        )
+        nodes = MultiplierNodes(self.slave, normals, self.free, at_vertices=self.at_vertices)
+        self._multiplier_nodes = nodes
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
         self.master_planes: Array = normals_on_planes(on_master, self.master_free)
-        self._multiplier_nodes.possible &= ~(self.slave.weightless | self.shared)
+        nodes.possible &= ~(self.slave.weightless | self.shared)
         self.tied: Flags = np.isin(self.slave.nodes, tied)
-        if (self._multiplier_nodes.possible & ~self.tied).any():
-            self._multiplier_nodes.possible &= ~self.tied
-        self.may_carry = self._multiplier_nodes.possible
-        self.plane_normals = self._multiplier_nodes.plane_normals
+        if (nodes.possible & ~self.tied).any():
+            nodes.possible &= ~self.tied
+        self.may_carry, self.oblique = nodes.possible, nodes.oblique
+        self.plane_normals = nodes.plane_normals
         planes = self._find_guides()
-        self.oblique = self._multiplier_nodes.oblique
         if self.master is self.slave:
             self.may_carry[starts_of_holes(self.slave)] = False
             self.slave = self.master = in_contact_with_itself(self.slave, self.may_carry)
@@ -141,8 +135,7 @@ class Contact(interface.Interface):
         self.omit_softening(always=False)
         self.set_aside: Flags = np.zeros(self.slave.num_nodes, bool)
         self.turns: Callable[[], tuple[Array, ...]] = lambda: ()
-        on_surface = self.obstacle is None
-        radius = min(self.slave.extent, self.master.extent) if on_surface else np.inf
+        radius = min(self.slave.extent, self.master.extent) if self.obstacle is None else np.inf
         points = interface.points_per_segment(pair, self.slave, self.master)
         self.options = choice.options(self.basis, points, pair.search_radius or radius)
         given = self.slave, self.master, self.obstacle, self.slave.extent, planes, self.options
@@ -161,10 +154,7 @@ class Contact(interface.Interface):
         branch = self.law_calls.branch(start, np.zeros(none.size, np.int64))
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         law_calls.raise_stored(self.slave.comm, [self])
-        self.all_fluxes = [
-            Flux(conductance, column, space, self, prescribed)
-            for column, conductance in enumerate(pair.fluxes)
-        ]
+        self.all_fluxes = [Flux(h, i, space, self, prescribed) for i, h in enumerate(pair.fluxes)]
         self.change(conduction=np.zeros((self.slave.num_nodes, len(pair.fluxes))))
         self.fluxes = [flux for flux in self.all_fluxes if not flux.is_separate]
         self.conductances = self.fluxes
@@ -236,6 +226,17 @@ class Contact(interface.Interface):
         return "operators" if self.slave.dim == 3 else self.pair.discretization.slip
 
     @property
+    def other_roles(self) -> str:
+        """Advice to exchange slave and master; "" for a surface in contact with itself."""
+        slave, master = self.slave.name, self.master.name
+        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
+
+    @property
+    def depends_on_slip(self) -> bool:
+        """Whether forces depend on a slip that is counted from partners."""
+        return self.pair.sliding != "small" and self.pair.law.needs_slip
+
+    @property
     def partner_operators(self) -> Any:
         """Operators at the positions that define the partners; undeformed if sliding is small."""
         if self.pair.sliding == "small" and self._state.reference is not None:
@@ -252,11 +253,8 @@ class Contact(interface.Interface):
 
     def adopt(self, other: Contact) -> None:
         """Copy offset, c_n and frozen operators from this pair in another model (local)."""
-        self.change(
-            offset=other.offset,
-            c_n=other.c_n,
-            reference=other.state.reference or self.state.reference,
-        )
+        reference = other.state.reference or self.state.reference
+        self.change(offset=other.offset, c_n=other.c_n, reference=reference)
         self.evaluation.behind = other.evaluation.behind or self.evaluation.behind
 
     def begin(self) -> None:
@@ -279,8 +277,7 @@ class Contact(interface.Interface):
         pulls = self.active & (self.now.z_n + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
-            blocks = acting.weight_derivative()
-            change = fraction * change_along(self.now, blocks, *sides)
+            change = fraction * change_along(self.now, acting.weight_derivative(), *sides)
             pulls &= change > o.weight
             force = o.weight[:, None] * z + change[:, None] * old
             min_force = -o.weight * adhesion
@@ -354,7 +351,7 @@ class Contact(interface.Interface):
     def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         law = self.pair.law
-        if type(law) is Frictionless or not (law.has_friction or law.needs_nodal_state):
+        if type(law) is Frictionless or not law.needs_slip:
             return interface.NO_PAIRS
         return self.partners.pairs(self.operators)
 
@@ -377,8 +374,7 @@ class Contact(interface.Interface):
         """Nodes whose cover is at the limit, (k,); see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        cover = _covered_fraction(self.operators)
-        return self._multiplier_nodes.undecided(cover, self.active)
+        return self._multiplier_nodes.undecided(_covered_fraction(self.operators), self.active)
 
     def set_initial_gap(self) -> None:
         """Set the offset such that nodes near the other surface have the pair's ``initial_gap``."""

@@ -495,8 +495,7 @@ class ContactFields(InterfaceFields):
             follows_law = self.interface.follows_law
             if not law.bridges_gap:
                 follows_law = follows_law & ~self.attracted
-            calls = self.interface.law_calls
-            given = calls.row("tangential", node, follows_law, state.branch)
+            given = self.interface.law_calls.row("tangential", node, follows_law, state.branch)
             row = Row(*(np.where(follows_law, a, b) for a, b in zip(given, row, strict=True)))
         zero = np.zeros(len(state.z))
         row = Row(*np.broadcast_arrays(*row, zero)[:-1])

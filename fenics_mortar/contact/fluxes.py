@@ -49,7 +49,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -58,17 +57,16 @@ from scipy.sparse import csr_array, diags, hstack
 
 from dolfinx import fem
 
+from fenics_mortar.contact.conductance import Conductance, ConductanceValue, NodalFlux
 from fenics_mortar.contact.law import Row, VectorRow
 from fenics_mortar.contact.rows import change_along, row_by_displacements, row_by_motions
-from fenics_mortar.interface.mortar import Block, as_block, compressed
+from fenics_mortar.interface.mortar import Block, NumberedColumns, as_block, compressed
 from fenics_mortar.interface.traces import FieldTraces
 from fenics_mortar.utils.arrays import EPSILON, TINY, Array, Flags, summed
 from fenics_mortar.utils.ranks import from_all_ranks, largest_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.conductance import Conductance, ConductanceValue
     from fenics_mortar.contact.fields import ContactFields
-    from fenics_mortar.interface.mortar import NumberedColumns
     from fenics_mortar.mesh.space import DisplacementSpace
 
 
@@ -79,27 +77,6 @@ STIFFEST = 1e6
 # adds 1e-13 of jumps, in place of 1e-10; ``equations.linearized`` has the number of solves. Finite
 # conductances above it, too, are solved for exactly, see ``Flux.remainder``.
 SOFT = 1e3
-
-
-@dataclass(frozen=True)
-class NodalFlux:
-    """Flux at the slave nodes of a pair, read-only values; each array has shape (slave nodes,).
-
-    Attributes:
-        jump: Mean jump T_slave - T_master, zero at nodes without partner [field].
-        conductance: h, zero at nodes without partner [flux / field].
-        conduction: Flux by conduction from slave to master [flux].
-        heating: Source by friction, power per area [flux].
-        into_slave: Total that enters the slave [flux length].
-        into_master: Total that enters the master or obstacle [flux length].
-    """
-
-    jump: Array
-    conductance: Array
-    conduction: Array
-    heating: Array
-    into_slave: float
-    into_master: float
 
 
 class Flux(FieldTraces):
@@ -129,13 +106,9 @@ class Flux(FieldTraces):
     """
 
     def __init__(
-        self,
-        law: Conductance,
-        column: int,
-        space: DisplacementSpace,
-        contact: Any,
+        self, law: Conductance, column: int, space: DisplacementSpace, contact: Any,
         prescribed: Flags,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.law, self.column, self._contact = law, column, contact
         rigid = contact.obstacle is not None
         if rigid == (law.temperature is None):
@@ -250,9 +223,7 @@ class Flux(FieldTraces):
     def _change(self, u: Array, z: Array, motion: Array) -> Array:
         """Change of q' by those of all unknowns, see ``move``; (slave nodes,) (collective)."""
         now, sides = self.now, [s.gather(u) for s in (self._contact.slave, self._contact.master)]
-        jump, h, weight = (
-            change_along(now.f, blocks, *sides) for blocks in now.by_displacements[:3]
-        )
+        jump, h, weight = (change_along(now.f, part, *sides) for part in now.by_displacements[:3])
         row, _ = now.rows
         h += np.einsum("jc,jc->j", row.by_z, z)
         if motion.size:
@@ -362,8 +333,7 @@ class Flux(FieldTraces):
         """
         contact, now = self._contact, self.now
         d[:] = now.of_carriers(now.jumps @ self.gathered(u)) + now.kept * d
-        q = -now.kept * d
-        by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ q, 3)
+        by_jump, by_h, by_weight = np.split(now.q_by_quantities.T @ (-now.kept * d), 3)
         numbers, change = now.stacked(now.by_unknowns)
         values = change.T @ np.concatenate([by_jump, by_h, by_weight, np.zeros_like(by_h)])
         (first, end), (row, _), motion = self.owned, now.rows, np.zeros(0)
@@ -572,12 +542,9 @@ class FluxValues:
         if not self._is_plain:
             apart = A_T @ diags(self._nodal_jump) - diags(self._jump) @ A_T
             of_h = of_h + by_jump @ diags(self._varies.astype(float)) @ apart
-        parts = [
-            by_jump @ R_T,
-            of_h,
-            by_h @ (A_T @ diags(self._finite_h) - diags(h) @ A_T)
-            - diags(self.e * self._per_P * self._per_h) @ R_T,
-        ]
+        of_w = by_h @ (A_T @ diags(self._finite_h) - diags(h) @ A_T)
+        of_w = of_w - diags(self.e * self._per_P * self._per_h) @ R_T
+        parts = [by_jump @ R_T, of_h, of_w]
         return csr_array(hstack(parts) @ diags(np.tile(self.on.astype(float), 3)))
 
     @cached_property
@@ -587,11 +554,8 @@ class FluxValues:
         s = np.where(self._varies, self._per_h, self.q * self._per_P * (A.T @ self.weight))
         per_w = np.divide(1.0, self.weight, out=np.zeros_like(s), where=self.weight > 0.0)
         by_P = R @ diags(s * self._per_P)
-        parts = [
-            csr_array(A.shape),
-            diags(per_w * (A @ (varies * s))) - by_P @ diags(varies) @ A.T,
-            R @ diags(self.q * self._per_P) @ A.T - by_P @ R.T,
-        ]
+        of_h = diags(per_w * (A @ (varies * s))) - by_P @ diags(varies) @ A.T
+        parts = [csr_array(A.shape), of_h, R @ diags(self.q * self._per_P) @ A.T - by_P @ R.T]
         return csr_array(hstack(parts) @ diags(np.tile(self.on.astype(float), 3)))
 
     @cached_property

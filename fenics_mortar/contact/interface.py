@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import attrgetter
@@ -392,12 +392,8 @@ def blocks_of(entries: Iterable[tuple[Indices, Indices, Array]], numbers: Indice
         numbers: Columns of the components of each multiplier, shape (nodes, c).
     """
     return [
-        Block(
-            dofs.reshape(-1, 1),
-            numbers[j].reshape(-1, 1),
-            np.repeat(values, dofs.shape[1]).reshape(-1, 1, 1),
-        )
-        for dofs, j, values in entries
+        Block(i.reshape(-1, 1), numbers[j].reshape(-1, 1), np.repeat(v, i.shape[1])[:, None, None])
+        for i, j, v in entries
     ]
 
 
@@ -537,8 +533,7 @@ class OperatorEvaluation:
             multiplier_nodes: Whether a slave node carries a multiplier, (slave nodes,), bool.
         """
         self.behind, X, m = self._positions_at(None)
-        frozen = LINEARIZATIONS["frozen"]
-        operators = self._integrate(X, m, multiplier_nodes, frozen, self.behind)
+        operators = self._integrate(X, m, multiplier_nodes, LINEARIZATIONS["frozen"], self.behind)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
 
@@ -609,20 +604,3 @@ class OperatorEvaluation:
             operators = evaluate(given if searched is None else given._replace(searched=searched))
         self._recent.appendleft((points, nodes, linearization, operators))
         return operators
-
-
-def or_other_weights(contact: Interface) -> str:
-    """Advice to weight gaps by standard functions, if these are positive and not taken; else ""."""
-    linear = contact.basis == "vertices" or (contact.basis == "dual" and contact.slave.degree == 1)
-    others = contact.pair.discretization.gap_weights != "standard"
-    return ", or take Discretization(gap_weights='standard')" * (linear and others)
-
-
-def or_more_functions(contacts: Sequence[Interface]) -> str:
-    """Advice for triangles with six nodes and linear multipliers; "" if no slave has these (local).
-
-    The mean gap over all facets around a corner is open until they have been entered deeply.
-    """
-    coarse = any(c.slave.facets.shape[1] == 6 and c.basis == "linear" for c in contacts)
-    quadratic = ", or take Discretization(basis='quadratic'), with multipliers at all six nodes"
-    return f"{quadratic} of a triangle" * coarse

@@ -18,7 +18,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.errors import as_text, check_choice, check_number
+from dolfinx import fem
+
+from fenics_mortar.utils.errors import as_text, check_choice, check_number, is_function
 
 Array = npt.NDArray[np.float64]
 Branches = npt.NDArray[np.int64]
@@ -182,7 +184,7 @@ def check_names(law: Law) -> None:
 
 def varies(value: Any) -> bool:
     """Whether a parameter of a law is an array or a function of the position, not a number."""
-    return isinstance(value, np.ndarray) or callable(value)
+    return isinstance(value, (np.ndarray, fem.Function)) or is_function(value)
 
 
 def check_positive(law: Law, *names: str, zero: bool = False) -> None:
@@ -480,13 +482,13 @@ class Law(ABC):
     @property
     def needs_nodal_state(self) -> bool:
         """Whether the law has more than a tangential row and an adhesion a(g)."""
-        return bool(
-            self.memory
-            or self.has_closing_gap
-            or self.bridges_gap
-            or self.varying
-            or self.has_nodal_adhesion
-        )
+        of_data = bool(self.memory) or self.bridges_gap or bool(self.varying)
+        return of_data or self.has_closing_gap or self.has_nodal_adhesion
+
+    @property
+    def needs_slip(self) -> bool:
+        """Whether the rows may depend on the slip."""
+        return self.has_friction or self.needs_nodal_state
 
 
 class Frictionless(Law):

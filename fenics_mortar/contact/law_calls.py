@@ -21,14 +21,8 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.contact.law import BUILT_IN, Branches, Friction, Law, Nodal, Row, mapped
+from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices, protected, read_only_view
-from fenics_mortar.utils.errors import (
-    NotFiniteError,
-    call_together,
-    check_same,
-    format_point,
-    leave_together,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +63,10 @@ def first_instant(law: Law, X: Array, time: float, comm: MPI.Comm) -> Instant:
     def initial() -> Mapping[str, Array]:
         return check_memory(law, "initial", law.initial(X.copy()), len(X))
 
-    memory = call_together(comm, f"{law!r}", initial) if law.memory else {}
+    memory = errors.call_together(comm, f"{law!r}", initial) if law.memory else {}
     if law.summed_slip and X.shape[1] == 3:
         memory = in_components(law, memory, np.zeros_like(X))
-    check_same(comm, [(f"{name} of {law!r}", values) for name, values in memory.items()])
+    errors.check_same(comm, [(f"{name} of {law!r}", values) for name, values in memory.items()])
     return Instant.of(time, 1.0, memory)
 
 
@@ -152,10 +146,12 @@ class Parameters:
         comm, sampled = self._mesh.comm, {}
         for name, value in law.varying.items():
             if isinstance(value, fem.Function):
-                call_together(comm, f"{law!r}", partial(self._check_function, law, name, value))
+                errors.call_together(
+                    comm, f"{law!r}", partial(self._check_function, law, name, value)
+                )
                 value = self._at_nodes(value)
-            values = call_together(comm, f"{law!r}", partial(self._values, law, name, value))
-            check_same(comm, [(f"{name} of {law!r}", values)])
+            values = errors.call_together(comm, f"{law!r}", partial(self._values, law, name, value))
+            errors.check_same(comm, [(f"{name} of {law!r}", values)])
             sampled[name] = values
         return sampled
 
@@ -167,7 +163,7 @@ class Parameters:
             law.check_field(name, numbers)
         except ValueError as error:
             low, high = (
-                f"{numbers[j]:g} at {format_point(self._X[j])}"
+                f"{numbers[j]:g} at {errors.format_point(self._X[j])}"
                 for j in (numbers.argmin(), numbers.argmax())
             )
             on = f"on '{self._name}' it is {low} and {high}"
@@ -273,10 +269,11 @@ class LawCalls:
             wrong = (np.isnan(limit) | (limit < 0.0)) & (pressure >= 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
-                raise NotFiniteError(
+                raise errors.NotFiniteError(
                     f"{law!r}: friction_limit returned {limit[j]:g} for a pressure of "
-                    f"{pressure[j]:g}, at '{self._pair.slave_name}' {format_point(node.x[j])}; "
-                    "expected zero, a positive number or infinity"
+                    f"{pressure[j]:g}, at '{self._pair.slave_name}' "
+                    f"{errors.format_point(node.x[j])}; expected zero, a positive number or "
+                    "infinity"
                 )
             return limit
         return np.full_like(pressure, np.inf)
@@ -306,9 +303,10 @@ class LawCalls:
         arguments = node.gap, node.slip, node.z_n, node.z_tau, node.stiffness, node.c_n
         bad = used & np.isfinite(arguments).all(axis=0) & ~np.isfinite(arrays).all(axis=0)
         if bad.any():
-            raise NotFiniteError(
+            raise errors.NotFiniteError(
                 f"{self._pair.law!r}: {what} returned numbers that are not finite at {bad.sum()} "
-                f"nodes of '{self._pair.slave_name}', one at {format_point(node.x[np.argmax(bad)])}"
+                f"nodes of '{self._pair.slave_name}', one at "
+                f"{errors.format_point(node.x[np.argmax(bad)])}"
             )
         return arrays
 
@@ -334,8 +332,8 @@ def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
             users.append(contact)
     if not users:
         return
-    errors = [contact.law_calls.error for contact in users]
+    raised = [contact.law_calls.error for contact in users]
     for contact in users:
         contact.law_calls.error = None
     law = users[0].pair.law if len(users) == 1 else "a law"
-    leave_together(comm, f"{law!r}", next((e for e in errors if e is not None), None))
+    errors.leave_together(comm, f"{law!r}", next((e for e in raised if e is not None), None))

@@ -24,16 +24,7 @@ from fenics_mortar.interface.reference import Basis
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import TURNS
-from fenics_mortar.utils.errors import (
-    check_choice,
-    check_direction,
-    check_finite,
-    check_kind,
-    check_number,
-    check_same_texts,
-    check_vector,
-    together,
-)
+from fenics_mortar.utils import errors
 
 if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array
@@ -124,15 +115,15 @@ class Discretization:
             ("integration", get_args(Integration)),
             ("slip", get_args(Measure)),
         ):
-            check_choice(name, getattr(self, name), allowed)
+            errors.check_choice(name, getattr(self, name), allowed)
         self._check_combination()
         if self.points is not None:
             per = "segment" if self.integration == "segments" else "facet"
             expected = f"a whole number, at least 2 per {per}"
-            check_number("points", self.points, expected, lambda n: n >= 2, whole=True)
+            errors.check_number("points", self.points, expected, lambda n: n >= 2, whole=True)
         expected = "a number between 0 and 90 degrees"
-        check_number("max_angle", self.max_angle, expected, lambda angle: 0.0 < angle < 90.0)
-        check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+        errors.check_number("max_angle", self.max_angle, expected, lambda angle: 0.0 < angle < 90.0)
+        errors.check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
 
     def options(self, basis: Basis, points: int, radius: float) -> MortarOptions:
         """Options of the operators (local).
@@ -202,10 +193,10 @@ def as_discretization(given: str | Discretization) -> Discretization:
         ValueError: For an unknown name or an object of another type.
     """
     if isinstance(given, str):
-        check_choice("discretization", given, PRESETS)
+        errors.check_choice("discretization", given, PRESETS)
         return PRESETS[given]
     expected = f"an instance of Discretization, or one of {', '.join(PRESETS)}"
-    check_kind("discretization", given, Discretization, expected)
+    errors.check_kind("discretization", given, Discretization, expected)
     return given
 
 
@@ -216,15 +207,15 @@ def check_search_radius(search_radius: Any) -> None:
     """Raise an error for a search radius that is not a positive length (local)."""
     if search_radius is not None:
         expected = "a positive length, or None"
-        check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
+        errors.check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
 
 
 def _check_fluxes(fluxes: Any) -> None:
     """Raise an error unless ``fluxes`` are conductances of different fields (local)."""
     expected = "a list of Conductance, one for each field that flows across the contact"
-    check_kind("fluxes", fluxes, Sequence, expected)
+    errors.check_kind("fluxes", fluxes, Sequence, expected)
     for flux in fluxes:
-        check_kind("fluxes", flux, Conductance, expected)
+        errors.check_kind("fluxes", flux, Conductance, expected)
     names = {f if isinstance(f := flux.field, int) else id(f) for flux in fluxes}
     if len(names) < len(fluxes):
         raise ValueError(
@@ -283,7 +274,7 @@ class ContactPair:
         fluxes: Sequence[Conductance] = (),
         discretization: str | Discretization = "default",
     ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
+        errors.check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
         self.slave_name = joined_names(slave)
         self.master_name = self.slave_name if master is None else joined_names(master)
@@ -292,7 +283,7 @@ class ContactPair:
         self.sliding: Sliding = sliding
         self.fluxes = fluxes
         self.law: Law = Frictionless() if law is None else law
-        with together(data.mesh.comm, "ContactPair"):
+        with errors.together(data.mesh.comm, "ContactPair"):
             self.discretization = as_discretization(discretization)
             self.check()
             if isinstance(slave, Obstacle):
@@ -305,7 +296,7 @@ class ContactPair:
                 _check_dimension(master, data.mesh.geometry.dim)
             elif master is not None:
                 data.boundary_tags(master)
-        check_same_texts(data.mesh.comm, "ContactPair", vars(self))
+        errors.check_same_texts(data.mesh.comm, "ContactPair", vars(self))
         for names in (slave, master):
             if not (names is None or isinstance(names, Obstacle)):
                 data.boundary_facets(names)
@@ -316,15 +307,16 @@ class ContactPair:
         Raises:
             ValueError: If an option has a value that is not allowed.
         """
-        check_kind("data", self.data, MeshData, "the MeshData of the mesh")
-        check_choice("sliding", self.sliding, get_args(Sliding))
-        expected = "an instance of Discretization"
-        check_kind("discretization", self.discretization, Discretization, expected)
+        errors.check_kind("data", self.data, MeshData, "the MeshData of the mesh")
+        errors.check_choice("sliding", self.sliding, get_args(Sliding))
+        self.discretization = as_discretization(self.discretization)
         self.discretization.check()
         check_search_radius(self.search_radius)
         if self.initial_gap is not None:
-            check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
-        check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
+            errors.check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
+        errors.check_kind(
+            "law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law"
+        )
         check_names(self.law)
         self.law.check()
         _check_fluxes(self.fluxes)
@@ -349,7 +341,7 @@ class ContactPair:
             if name not in vars(pair):
                 raise ValueError(f"{name}={new!r}: expected one of {', '.join(vars(pair))}")
             value = new(getattr(pair, name)) if callable(new) else new
-            setattr(pair, name, as_discretization(value) if name == "discretization" else value)
+            setattr(pair, name, value)
         return pair
 
     def __repr__(self) -> str:
@@ -447,25 +439,25 @@ class TiedPair:
         fields: Sequence[int] = (),
         discretization: str | Discretization = "default",
     ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
+        errors.check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
         self.slave_name, self.master_name = joined_names(slave), joined_names(master)
         self.master = master
         self.gap, self.search_radius = gap, search_radius
-        with together(data.mesh.comm, "TiedPair"):
+        with errors.together(data.mesh.comm, "TiedPair"):
             self.discretization = as_discretization(discretization)
             self._dim = data.mesh.geometry.dim
             zero = np.zeros(self._dim)
             given = zero if translation is None else translation
-            self.translation: Array = check_vector("translation", given, self._dim)
+            self.translation: Array = errors.check_vector("translation", given, self._dim)
             self.jump: Any = zero if jump is None else jump
             if not isinstance(jump, fem.Constant):
-                self.jump = check_vector("jump", self.jump, self._dim)
+                self.jump = errors.check_vector("jump", self.jump, self._dim)
             self.fields = _numbers(fields)
             self.check()
             self.slave_tags = data.boundary_tags(slave)
             data.boundary_tags(master)
-        check_same_texts(data.mesh.comm, "TiedPair", vars(self))
+        errors.check_same_texts(data.mesh.comm, "TiedPair", vars(self))
         for names in (slave, master):
             data.boundary_facets(names)
 
@@ -475,9 +467,8 @@ class TiedPair:
         Raises:
             ValueError: If an option has a value that is not allowed.
         """
-        check_choice("gap", self.gap, get_args(Gap))
-        expected = "an instance of Discretization"
-        check_kind("discretization", self.discretization, Discretization, expected)
+        errors.check_choice("gap", self.gap, get_args(Gap))
+        self.discretization = as_discretization(self.discretization)
         self.discretization.check_for_tie()
         check_search_radius(self.search_radius)
         self.present_jump()
@@ -488,7 +479,9 @@ class TiedPair:
         Raises:
             ValueError: If it does not consist of one finite number for each coordinate.
         """
-        return check_vector("jump", np.array(getattr(self.jump, "value", self.jump)), self._dim)
+        return errors.check_vector(
+            "jump", np.array(getattr(self.jump, "value", self.jump)), self._dim
+        )
 
     def __repr__(self) -> str:
         """The two sides."""
@@ -505,7 +498,7 @@ def _numbers(fields: Any) -> tuple[int, ...]:
     if not isinstance(fields, Sequence) or isinstance(fields, str):
         raise ValueError(f"fields={fields!r}: expected {expected}")
     for field in fields:
-        check_number("fields", field, expected, lambda number: number >= 0, whole=True)
+        errors.check_number("fields", field, expected, lambda number: number >= 0, whole=True)
     if len(set(fields)) < len(fields):
         raise ValueError(f"fields={fields!r}: expected {expected}")
     return tuple(int(field) for field in fields)
@@ -603,8 +596,8 @@ class Pretension(TiedPair):
         super().__init__(data, slave, master, **options)
         self.motion.name = self.slave_name if name is None else name
         if axis is not None:
-            with together(data.mesh.comm, "Pretension"):
-                self.axis = check_direction("axis", axis, dim)
+            with errors.together(data.mesh.comm, "Pretension"):
+                self.axis = errors.check_direction("axis", axis, dim)
 
     def push(self, force: float) -> None:
         """Prescribe the force in the section; the shortening is an unknown of the next solve.
@@ -616,7 +609,7 @@ class Pretension(TiedPair):
         Raises:
             ValueError: If it is not a finite number.
         """
-        self.motion.load[0] = check_finite("force", force)
+        self.motion.load[0] = errors.check_finite("force", force)
 
     def move(self, shortening: float) -> None:
         """Prescribe the shortening, an absolute value.
@@ -628,7 +621,7 @@ class Pretension(TiedPair):
             ValueError: If it is not a finite number.
         """
         self.motion.place = np.zeros_like(self.motion.place)
-        self.motion.place[0] = check_finite("shortening", shortening)
+        self.motion.place[0] = errors.check_finite("shortening", shortening)
         self.motion.load = np.full_like(self.motion.place, np.nan)
 
     def lock(self) -> None:

@@ -88,8 +88,7 @@ class ContactRows:
             turned = np.einsum("ja,jaq->jq", row.by_normal[j], o.dn[j])
             blocks.append(Block(numbers, columns, -weight[j][:, :, None] * turned[:, None]))
             if row.by_slip.any():
-                of_slip = f.slip_derivative(row.by_slip)
-                blocks += [normal_rows(block, -weight) for block in of_slip]
+                blocks += [normal_rows(block, -weight) for block in f.slip_derivative(row.by_slip)]
         return Rows([*gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
     def measure(self) -> tuple[float, float]:
@@ -221,42 +220,8 @@ def change_along(
     for block in blocks:
         index = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
         direction = np.where(block.columns >= 0, values[..., index], 0.0)
-        rates = np.einsum("bjq,...bq->bj...", block.values, direction)
-        np.add.at(change, block.rows, rates)
+        np.add.at(change, block.rows, np.einsum("bjq,...bq->bj...", block.values, direction))
     return np.moveaxis(sum_over_ranks(sides[0].comm, change), 0, -1)
-
-
-def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Change of the mean gaps, (..., slave nodes); zero where not covered; see ``change_along``."""
-    return f.per_weight * change_along(f, f.operators.gap_derivative(), on_slave, on_master)
-
-
-def past_partners(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Motions of the nodes past their partners, (motions, nodes, dim) [length] (local).
-
-    Args:
-        f: Fields of the pair.
-        on_slave: Displacements of the slave nodes, shape (motions, nodes, dim) [length].
-        on_master: Displacements of the master nodes, likewise.
-    """
-    partners, both = f.state.partners, zip(on_slave, on_master, strict=True)
-    return np.array([partners.D @ own - partners.M @ other for own, other in both])
-
-
-def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Slip of the nodes along their partners, (motions, nodes) [length] (local).
-
-    In space along two tangents, (motions, nodes, 2); arguments as of ``past_partners``.
-    """
-    return f.along_tangents(past_partners(f, on_slave, on_master))
-
-
-def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
-    """Opening along n, against which the pressure does work, (motions, nodes) [length] (local).
-
-    This differs from the rate of the gap where n is not normal to both sides, as at corners.
-    """
-    return -normal_parts(f.operators.n, past_partners(f, on_slave, on_master))
 
 
 def gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
@@ -419,26 +384,7 @@ def stick_where_turning_back(
 
 def adhesion_at_gap(f: ContactFields, gap: Array) -> Array:
     """Adhesion at gaps (slave nodes,) [length], likewise [stress]."""
-    node = replace(f.nodal, gap=gap)
-    return f.interface.law_calls.row("adhesion_at", node, f.covered).residual
-
-
-def largest_adhesion(f: ContactFields) -> Array:
-    """Largest adhesion at gaps of up to a facet, shape (slave nodes,) [stress].
-
-    Elastic bonds pull as they open. The gap is found to a per cent, if there is one maximum.
-    """
-    sizes = f.interface.slave.nodal_lengths
-    if not f.interface.pair.law.has_adhesion:
-        return 0.0 * sizes
-    gap, largest = 0.0 * sizes, adhesion_at_gap(f, 0.0 * sizes)
-    for ratio in 2.0 ** np.arange(-40.0, 1.0):
-        pull = adhesion_at_gap(f, ratio * sizes)
-        gap, largest = np.where(pull > largest, ratio * sizes, gap), np.maximum(pull, largest)
-    for ratio in 2.0 ** np.outer(0.5 ** np.arange(1.0, 8.0), [1.0, -1.0]).ravel():
-        pull = adhesion_at_gap(f, ratio * gap)
-        gap, largest = np.where(pull > largest, ratio * gap, gap), np.maximum(pull, largest)
-    return largest
+    return f.interface.law_calls.row("adhesion_at", replace(f.nodal, gap=gap), f.covered).residual
 
 
 def strength(f: ContactFields, pressure: float) -> tuple[Array, Array]:

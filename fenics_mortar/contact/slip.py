@@ -65,7 +65,7 @@ from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, turns_between
-from fenics_mortar.utils.arrays import ROUNDING, TINY, at_rows, norms
+from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices, at_rows, norms
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -73,7 +73,6 @@ if TYPE_CHECKING:
     from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.interface.outline import Outline
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 def entries_of(matrix: csr_array, comm: MPI.Comm | None = None) -> tuple[Indices, Indices, Array]:
@@ -266,8 +265,7 @@ class PlanePartners(Partners):
             active: Nodes in contact, shape (n,), bool.
         """
         theta = self.relative_turn(o)
-        ends = zip(turns, self.turns, strict=True)
-        known = [(now - then)[:, 0] for now, then in ends]
+        known = [(now - then)[:, 0] for now, then in zip(turns, self.turns, strict=True)]
         if isinstance(o, ObstacleOperators):
             doubt = self._past_obstacle(o, self).doubt
             if not turns:

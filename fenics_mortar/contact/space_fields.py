@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.contact.fields import (
-    LAW_ATTRIBUTES,
-    RULED,
-    ContactFields,
-    Parts,
-    field,
-    normal_parts,
-    tangential,
-)
+from fenics_mortar.contact import fields
 from fenics_mortar.contact.law import STICK, Friction, Frictionless, Row, Stick, VectorRow
 from fenics_mortar.contact.law_calls import in_components, summed_slip_of
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, Array, Flags
@@ -51,7 +43,7 @@ class Directions(NamedTuple):
     size: Array
 
 
-class SpaceFields(ContactFields):
+class SpaceFields(fields.ContactFields):
     """Fields of a contact in space, and the rows of its law with two tangential components.
 
     A law relates a shear and a slip along one direction. In space this is the direction e of
@@ -81,7 +73,7 @@ class SpaceFields(ContactFields):
     counted_slip: Any = property(attrgetter("slip_vector"))
     surface_slip: Any = property(attrgetter("tangential_slip"))
 
-    @field("partners")
+    @fields.field("partners")
     def slip_vector(self) -> Array:
         """Vector s^ of slip since the accepted state, shape (slave nodes, 3) [length].
 
@@ -99,13 +91,13 @@ class SpaceFields(ContactFields):
     def _has_slip(self) -> bool:
         return type(self.interface.pair.law) is not Frictionless
 
-    @field(*LAW_ATTRIBUTES)
+    @fields.field(*fields.LAW_ATTRIBUTES)
     def tangential_slip(self) -> Array:
         """Tangential part s of the slip, shape (slave nodes, 3) [length]; zero without friction."""
         n, zero = self.operators.n, np.zeros_like(self.operators.n)
-        return tangential(self.slip_vector, n) if self._has_slip else zero
+        return fields.tangential(self.slip_vector, n) if self._has_slip else zero
 
-    @field(*LAW_ATTRIBUTES)
+    @fields.field(*fields.LAW_ATTRIBUTES)
     def carried(self) -> Array:
         """Summed slip until the start of the step, turned with the slave, (n, 3) [length]."""
         law, partners = self.interface.pair.law, self.state.partners
@@ -114,12 +106,12 @@ class SpaceFields(ContactFields):
         before = summed_slip_of(law, self.state.start_instant.memory)
         return np.einsum("jab,jb->ja", partners.rotation_of_slave(self.operators), before)
 
-    @field(*LAW_ATTRIBUTES)
+    @fields.field(*fields.LAW_ATTRIBUTES)
     def total_slip(self) -> Array:
         """Tangential part of the slip on which the law depends, (slave nodes, 3) [length]."""
         if not self.interface.pair.law.summed_slip:
             return self.tangential_slip
-        return self.tangential_slip + tangential(self.carried, self.operators.n)
+        return self.tangential_slip + fields.tangential(self.carried, self.operators.n)
 
     @property
     def memory_of_law(self) -> Mapping[str, Array]:
@@ -127,7 +119,7 @@ class SpaceFields(ContactFields):
         law, memory = self.interface.pair.law, self.state.start_instant.memory
         if not law.summed_slip:
             return memory
-        along = normal_parts(self.directions.along, self.carried)
+        along = fields.normal_parts(self.directions.along, self.carried)
         return {name: memory.get(name, along) for name in law.memory}
 
     def remembered(self, memory: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -149,19 +141,19 @@ class SpaceFields(ContactFields):
     def rubbing(self) -> VectorRow:
         """Power z_t . s of the shear along the slip of the step, with its derivatives."""
         n, z, s = self.operators.n, self.z_u, self.slip_vector
-        z_n, s_n = normal_parts(n, z)[:, None], normal_parts(n, s)[:, None]
+        z_n, s_n = fields.normal_parts(n, z)[:, None], fields.normal_parts(n, s)[:, None]
         z_t, s_t = z - z_n * n, s - s_n * n
         power, none = np.einsum("ja,ja->j", z_t, s_t), np.zeros(len(z))
         return VectorRow(power, s_t, z_t, none, -s_n * z - z_n * s)
 
-    @field(*LAW_ATTRIBUTES)
+    @fields.field(*fields.LAW_ATTRIBUTES)
     def directions(self) -> Directions:
         """Direction of w; fixed tangents without friction, and where w is zero."""
         n, guided = self.operators.n, self.interface.is_guided
         along, none = self.fixed_tangents, np.zeros(len(n))
         if not self._has_slip:
             return Directions(along, np.cross(n, along), none)
-        w = tangential(self.z_u, n) + self.slip_weight[:, None] * self.total_slip
+        w = fields.tangential(self.z_u, n) + self.slip_weight[:, None] * self.total_slip
         size = np.linalg.norm(w, axis=1)
         free = (size > AT_REST * self.slip_weight * self.interface.slave.extent) & ~guided
         size = np.where(free, size, 1.0)
@@ -172,7 +164,7 @@ class SpaceFields(ContactFields):
     def fixed_tangents(self) -> Array:
         """Tangents by the axis least aligned with n, or in the symmetry plane, (nodes, 3) [1]."""
         n, guided = self.operators.n, self.interface.is_guided
-        tangents = tangential(np.eye(3)[np.abs(n).argmin(axis=1)], n)
+        tangents = fields.tangential(np.eye(3)[np.abs(n).argmin(axis=1)], n)
         tangents[guided] = np.cross(n[guided], self.interface.guides[guided])
         return tangents / np.linalg.norm(tangents, axis=1)[:, None]
 
@@ -181,11 +173,11 @@ class SpaceFields(ContactFields):
         """Weight c_t k / l of the slip in w, shape (slave nodes,) [stress / length]."""
         return getattr(self.interface.pair.law, "c_t", Friction.c_t) * self.interface.foundation
 
-    @field(*LAW_ATTRIBUTES)
-    def parts(self) -> Parts:
+    @fields.field(*fields.LAW_ATTRIBUTES)
+    def parts(self) -> fields.Parts:
         """Normal part of the multipliers, and their part along e."""
-        z_n = normal_parts(self.operators.n, self.z_u)
-        return Parts(z_n, normal_parts(self.directions.along, self.z_u))
+        z_n = fields.normal_parts(self.operators.n, self.z_u)
+        return fields.Parts(z_n, fields.normal_parts(self.directions.along, self.z_u))
 
     @property
     def steepness(self) -> float:
@@ -202,7 +194,7 @@ class SpaceFields(ContactFields):
         )
         return max(steepest, float(np.sqrt((forces**2).mean())))
 
-    @field(*LAW_ATTRIBUTES)
+    @fields.field(*fields.LAW_ATTRIBUTES)
     def slip(self) -> Array:
         """Component along e of the slip since the last accepted step, (slave nodes,) [length]."""
         return np.einsum("ja,ja->j", self.directions.along, self.tangential_slip)
@@ -210,7 +202,7 @@ class SpaceFields(ContactFields):
     @property
     def shear_of_stick(self) -> Array:
         """Component along e of the shear of redundant sticks since the accepted state [stress]."""
-        return normal_parts(self.directions.along, self.z_u - self.state.partners.shear)
+        return fields.normal_parts(self.directions.along, self.z_u - self.state.partners.shear)
 
     @property
     def tangents(self) -> tuple[Array, Array]:
@@ -219,15 +211,17 @@ class SpaceFields(ContactFields):
 
     def along_tangents(self, vectors: Array) -> Array:
         """Components of vectors (..., slave nodes, dim) along ``tangents`` [their unit]."""
-        return np.stack([normal_parts(tangent, vectors) for tangent in self.tangents], axis=-1)
+        return np.stack(
+            [fields.normal_parts(tangent, vectors) for tangent in self.tangents], axis=-1
+        )
 
-    @field(*RULED)
+    @fields.field(*fields.RULED)
     def vector_rows(self) -> tuple[VectorRow, ...]:
         """``law_rows`` with derivatives by vectors; in space along two tangents, then along n."""
-        tangential, *others = self.law_rows
-        return *self._tangential_rows(tangential), *(self.by_vectors(row) for row in others)
+        friction, *others = self.law_rows
+        return *self._tangential_rows(friction), *(self.by_vectors(row) for row in others)
 
-    @field(*RULED)
+    @fields.field(*fields.RULED)
     def row_tangents(self) -> tuple[Array, Array]:
         """Directions e and t of the tangential rows, (slave nodes, 3) each [1]: see the class."""
         fixed = (self.is_isotropic & ~self.interface.is_guided)[:, None]
@@ -281,7 +275,8 @@ class SpaceFields(ContactFields):
         """
         residual, by_gap, by_u, by_n, by_tau, _ = np.broadcast_arrays(*row, self.z_n)
         e, t, size = self.directions
-        of_turn = by_u * normal_parts(t, self.total_slip) + by_tau * normal_parts(t, self.z_u)
+        slip, shear = (fields.normal_parts(t, each) for each in (self.total_slip, self.z_u))
+        of_turn = by_u * slip + by_tau * shear
         turn = np.where(size > 0.0, of_turn / np.where(size > 0.0, size, 1.0), 0.0)
         return self._row(
             residual, by_gap, by_n, ((by_tau, e), (turn, t)),
@@ -289,13 +284,9 @@ class SpaceFields(ContactFields):
         )  # fmt: skip
 
     def _row(
-        self,
-        residual: Array,
-        by_gap: Array,
-        by_z_n: Array,
-        by_shear: tuple[tuple[Array, Array], ...],
-        by_slip: tuple[tuple[Array, Array], ...],
-    ) -> VectorRow:
+        self, residual: Array, by_gap: Array, by_z_n: Array,
+        by_shear: tuple[tuple[Array, Array], ...], by_slip: tuple[tuple[Array, Array], ...],
+    ) -> VectorRow:  # fmt: skip
         """A row by its derivatives: of a . z_t and a . s for tangents a, and by z_n.
 
         d(a . z_t) = a . dz - z_n a . dn, d(a . s) = a . ds^ - (n . s^) a . dn.

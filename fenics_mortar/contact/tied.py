@@ -16,16 +16,8 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, diags, eye
 from scipy.sparse.linalg import spsolve
 
-from fenics_mortar.contact import tied_rows
+from fenics_mortar.contact import interface, tied_rows
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import (
-    NO_NODES,
-    NO_WELDS,
-    Interface,
-    points_per_segment,
-    read_only,
-    settable,
-)
 from fenics_mortar.contact.pair import ContactPair, TiedPair
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.surfaces import MIN_SHARE
@@ -43,7 +35,7 @@ def _refuse_offset(_: Any, lengths: Any) -> None:
     raise ValueError("a tied pair has no offset: its gap is that of TiedPair(gap=...)")
 
 
-class Tie(Interface):
+class Tie(interface.Interface):
     """One tied pair of surfaces with nonmatching meshes, bound to a displacement space; replicated.
 
     With D and M of the reference configuration, the slave's displacement follows the master's,
@@ -85,9 +77,9 @@ class Tie(Interface):
 
     _kind = tied_rows.TiedFields
 
-    jump = read_only("now.jump")
-    D, M = read_only("displacement.D"), read_only("displacement.M")
-    offset = settable("offset", _refuse_offset)
+    jump = interface.read_only("now.jump")
+    D, M = interface.read_only("displacement.D"), interface.read_only("displacement.M")
+    offset = interface.settable("offset", _refuse_offset)
 
     def __init__(self, pair: TiedPair, space: DisplacementSpace, prescribed: Flags) -> None:
         """Extract the surfaces and integrate D and M (collective)."""
@@ -97,7 +89,7 @@ class Tie(Interface):
         self._yielded = np.zeros(self.slave.num_nodes, bool)
         self.open_ends = np.zeros(self.slave.num_nodes, bool)
         longest = max(float(side.facet_sizes.max()) for side in (self.slave, self.master))
-        points = points_per_segment(pair, self.slave, self.master)
+        points = interface.points_per_segment(pair, self.slave, self.master)
         radius = pair.search_radius or HALF_FACET * longest
         options = pair.discretization.options(self.basis, points, radius)
         self.options = replace(options, gap_weights="basis")
@@ -197,7 +189,7 @@ class Tie(Interface):
         None at a distance, and none in space.
         """
         if self.pair.translation.any() or self.slave.dim == 3:
-            return NO_WELDS
+            return interface.NO_WELDS
         sides = self.slave, self.master
         ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in sides]
         gaps = self.slave.X[ends[0], None] - self.master.X[ends[1]]
@@ -308,7 +300,9 @@ def drop_crosspoints(ties: Sequence[Tie]) -> None:
         tie.drop(nodes)
 
 
-def drop_nodes_of_others(ties: Sequence[Tie], bound: Sequence[Interface], *, chains: bool) -> None:
+def drop_nodes_of_others(
+    ties: Sequence[Tie], bound: Sequence[interface.Interface], *, chains: bool
+) -> None:
     """Remove multipliers of tied nodes that belong to other pairs: joints may open (collective).
 
     With chains only where a contact kept its multipliers, since it had none otherwise.
@@ -323,7 +317,7 @@ def drop_nodes_of_others(ties: Sequence[Tie], bound: Sequence[Interface], *, cha
 
 
 def _joined(arrays: Iterable[Indices]) -> Indices:
-    return np.concatenate([NO_NODES, *arrays])
+    return np.concatenate([interface.NO_NODES, *arrays])
 
 
 def _depends(follows: dict[int, list[int]], masters: list[int], node: int) -> bool:
@@ -337,12 +331,9 @@ def _depends(follows: dict[int, list[int]], masters: list[int], node: int) -> bo
 
 
 def bind(
-    pairs: Sequence[ContactPair | TiedPair],
-    space: DisplacementSpace,
-    prescribed: Flags,
-    *,
-    chains: bool = True,
-) -> list[Contact | Tie]:
+    pairs: Sequence[ContactPair | TiedPair], space: DisplacementSpace, prescribed: Flags,
+    *, chains: bool = True,
+) -> list[Contact | Tie]:  # fmt: skip
     """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
 
     Of several pairs that would constrain a node, one has a multiplier there. Among ties see
@@ -370,8 +361,8 @@ def bind(
     every_tie = list(ties.values())
     if chains:
         drop_crosspoints(every_tie)
-    tied = _joined(tie.slave.nodes[tie.may_carry] for tie in every_tie) if chains else NO_NODES
-    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in every_tie)])
+    tied = _joined(tie.slave.nodes[tie.may_carry] for tie in every_tie if chains)
+    welds = np.concatenate([interface.NO_WELDS, *(tie.welds() for tie in every_tie)])
 
     def all_bound() -> list[Contact | Tie]:
         return [

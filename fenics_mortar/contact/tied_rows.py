@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array, diags
 
+from fenics_mortar.contact.conductance import NodalFlux
 from fenics_mortar.contact.fields import InterfaceFields, field
-from fenics_mortar.contact.fluxes import NodalFlux
 from fenics_mortar.contact.interface import Components, acting_entries, blocks_of
 from fenics_mortar.contact.rows import Frame, Rows
-from fenics_mortar.interface.faces import surface_of_vertices
 from fenics_mortar.interface.integrals import MortarInput, PlaneOperators, evaluate_mortar
 from fenics_mortar.interface.mortar import Block, Linearization
 from fenics_mortar.interface.space_mortar import SpaceOperators, evaluate_space
@@ -118,10 +117,8 @@ class TiedRows:
         f: TiedFields = self._interface.now
         idle, weight = self.frame()
         weights = weight.ravel()
-        blocks = [
-            Block(columns, rows, values * weights[columns[:, :, None]])
-            for rows, columns, values in self._interface.load_blocks()
-        ]
+        loads = self._interface.load_blocks()
+        blocks = [Block(j, i, values * weights[j[:, :, None]]) for i, j, values in loads]
         A_z = -idle[:, :, None] * np.eye(idle.shape[1])
         return Rows(blocks, A_z, -weight * f.jumps)
 
@@ -429,3 +426,19 @@ def rows_of(active: Flags, matrix: csr_array) -> csr_array:
     kept = csr_array(diags(active.astype(float)) @ matrix)
     kept.eliminate_zeros()
     return kept
+
+
+def surface_of_vertices(surface: Any) -> tuple[Any, Indices]:
+    """The surface without the inner nodes of its facets, in the plane or in space (local).
+
+    Its facets are linear, between the vertices of quadratic ones, for fields of degree 1.
+
+    Returns:
+        The surface, and the numbers of its k nodes in the given one, shape (k,).
+    """
+    degree, kept, beside = surface.degree, np.flatnonzero(~surface.inner), {}
+    if surface.dim == 2:
+        every = np.arange(surface.num_nodes)
+        before, after = surface.along(every, range(-degree, degree + 1, 2 * degree)).T
+        beside = {"previous": before, "following": after}
+    return surface.of_nodes(kept, facets=surface.corners, **beside), kept

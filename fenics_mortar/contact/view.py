@@ -2,7 +2,7 @@
 """What users see of a pair: nodal fields and forces, nodes of its sides, and messages.
 
 ``PairView`` has the results along the slave surface, a ``PairSide`` the nodes of one side. Messages
-are on overlaps, interference, the search radius, friction and ties that do little.
+are on overlaps, interference, the search radius, friction, ties that do little and other options.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import read_only
+from fenics_mortar.contact.interface import Interface, read_only
 from fenics_mortar.contact.law import Coulomb
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface, replicate
@@ -28,9 +28,8 @@ from fenics_mortar.utils.errors import format_point
 from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.conductance import NodalFlux
     from fenics_mortar.contact.fields import InterfaceState
-    from fenics_mortar.contact.fluxes import NodalFlux
-    from fenics_mortar.contact.interface import Interface
 
 
 @dataclass(frozen=True)
@@ -196,8 +195,7 @@ class PairView:
     @property
     def status(self) -> npt.NDArray[np.str_]:
         """Status "open", "stick" or "slip" (also without friction), shape (slave nodes,)."""
-        closed = np.where(self.sticking, "stick", "slip")
-        return np.where(self.active, closed, "open")
+        return np.where(self.active, np.where(self.sticking, "stick", "slip"), "open")
 
     @property
     def forces(self) -> Array:
@@ -343,7 +341,7 @@ LARGE = 5.0
 PER_CENT = 100.0
 
 
-def remarks_on_friction(contacts: Sequence[Contact | Tie]) -> Iterator[str]:
+def remarks_on_friction(contacts: Sequence[Interface]) -> Iterator[str]:
     """Name coefficients of friction that look like angles or per cents, of all pairs (local)."""
     for contact in contacts:
         if not (isinstance(contact, Contact) and isinstance(contact.pair.law, Coulomb)):
@@ -357,15 +355,14 @@ def remarks_on_friction(contacts: Sequence[Contact | Tie]) -> Iterator[str]:
             )
 
 
-def remarks_on_ties(contacts: Sequence[Contact | Tie], space: DisplacementSpace) -> Iterator[str]:
+def remarks_on_ties(contacts: Sequence[Interface], space: DisplacementSpace) -> Iterator[str]:
     """Describe unknowns and nodes that are not tied, and pressures that are not unique.
 
     Args:
         contacts: All pairs.
         space: The displacement's nodes, and the mixed space.
     """
-    ties = [tie for tie in contacts if isinstance(tie, Tie)]
-    for tie in ties:
+    for tie in [tie for tie in contacts if isinstance(tie, Tie)]:
         yield from filter(None, [_other_fields(tie, space), _open_ends(tie)])
         yield from _divided_slaves(tie, [c for c in contacts if isinstance(c, Contact)])
 
@@ -413,3 +410,10 @@ def _divided_slaves(tie: Tie, contacts: Sequence[Contact]) -> Iterator[str]:
                         f"{format_point(where)}: their pressures may oscillate there; pass both "
                         "masters in one list, which makes them one surface"
                     )
+
+
+def or_other_weights(contact: Interface) -> str:
+    """Advice to weight gaps by standard functions, if these are positive and not taken; else ""."""
+    linear = contact.basis == "vertices" or (contact.basis == "dual" and contact.slave.degree == 1)
+    others = contact.pair.discretization.gap_weights != "standard"
+    return ", or take Discretization(gap_weights='standard')" * (linear and others)

@@ -20,15 +20,14 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import join_bodies, products
-from fenics_mortar.bulk.residual import row_sizes
+from fenics_mortar.bulk.bodies import join_bodies
+from fenics_mortar.bulk.residual import Bulk, row_sizes
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import or_other_weights
 from fenics_mortar.contact.law import STICK, Branches
 from fenics_mortar.contact.pair import Discretization
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_rows import rows_of
-from fenics_mortar.contact.view import describe_overlap
+from fenics_mortar.contact.view import describe_overlap, or_other_weights
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.interface.surfaces import MIN_SHARE
 from fenics_mortar.newton.loop import UNSETTLED, decreased
@@ -36,15 +35,13 @@ from fenics_mortar.obstacles.obstacle import is_of_package
 from fenics_mortar.obstacles.rigid_motion import RIGID, at_place
 from fenics_mortar.rigid.body_motions import names_of, pairs_joined
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices
 from fenics_mortar.utils.errors import MortarError, NotFiniteError, call_together, format_point
 from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.rigid.floating import FloatingBodies
-    from fenics_mortar.utils.arrays import Array, Indices
 
 # Active set and branches of each pair in one iteration.
 SetsOfPairs = list[tuple[Flags, Branches]]
@@ -66,7 +63,7 @@ class Remedies:
     """
 
     def __init__(self, equations: Any, adopt_linearized_sets: Callable[[bool], bool]) -> None:
-        self._contacts: Sequence[Contact | Tie] = equations.contacts
+        self._contacts: Sequence[Interface] = equations.contacts
         self._floating, self._residual = equations.floating, equations.residual
         self._adopt_linearized_sets = adopt_linearized_sets
         self.begin()
@@ -132,11 +129,8 @@ class Remedies:
             active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
             merged = active.any(axis=0) & contact.covered
             wavers = merged & (branches != branches[-1]).any(axis=0)
-            contact.change(
-                active=merged,
-                c_n=min(contact.c_n, c_n),
-                branch=np.where(wavers, STICK, contact.branch),
-            )
+            branch = np.where(wavers, STICK, contact.branch)
+            contact.change(active=merged, c_n=min(contact.c_n, c_n), branch=branch)
             wavering += int(wavers.sum())
             opening += int((active != active[-1]).any(axis=0).sum())
         again, self._has_merged, taken = self._has_merged, True, False
@@ -163,12 +157,11 @@ def describe_isolated(bulk: Bulk, contacts: Sequence[Interface], floating: Float
         if dofs is None:
             continue
         count = floating.num_parts
-        links = list(_conducting(contacts, floating, field))
-        group, _ = join_bodies(count + 1, links)
-        resistance = np.bincount(group, _prescribed_parts(bulk, *dofs, count), count + 1)
-        if resistance[group[:count][group[:count] != group[count]]].all():
-            continue
-        resistance += np.bincount(group, _resistance(bulk, *dofs, count), count + 1)
+        group, _ = join_bodies(count + 1, list(_conducting(contacts, floating, field)))
+        inside, resistance = group[:count][group[:count] != group[count]], np.zeros(count + 1)
+        for resists in (_prescribed_parts, _resist_themselves, _resist_by_displacements):
+            if not resistance[inside].all():
+                resistance += np.bincount(group, resists(bulk, *dofs, count), count + 1)
         for label in np.unique(group[:count]):
             if label != group[count] and resistance[label] == 0.0:
                 parts = np.flatnonzero(group == label)
@@ -187,14 +180,12 @@ def _part_of_dofs(bulk: Bulk, floating: FloatingBodies, field: int) -> tuple[Ind
 
     The part of dofs that are neither of the field nor of the displacement is -1.
     """
-    Q, numbers = compat.collapsed(bulk.space.whole.sub(field))
+    Q, numbers = bulk.space.fields[field]
     if Q.dofmap.index_map_bs > 1 or Q.num_sub_spaces:
         return None
     cells = floating.parts[compat.dofmap(bulk.V)[:, :1]]
     part_of = np.full(bulk.u.x.array.size, -1)
-    whole = compat.dofmap(bulk.space.whole)
-    if whole.max(initial=-1) < part_of.size:
-        part_of[whole] = cells
+    part_of[compat.dofmap(bulk.space.whole)] = cells
     part_of[bulk.space.dofs] = floating.parts[:, None]
     of_field = np.zeros(part_of.size, dtype=bool)
     dofs = numbers[compat.dofmap(Q)]
@@ -209,33 +200,56 @@ def _prescribed_parts(bulk: Bulk, part_of: Indices, of_field: Flags, count: int)
     return np.where(sum_over_ranks(bulk.comm, conditions) > 0, 1.0, 0.0)
 
 
-def _resistance(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
-    """1 for parts whose equations resist a constant field, else 0, (count + 1,).
+def _resist_themselves(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
+    """1 for parts where the equation of a field resists a constant, else 0, (count + 1,).
 
-    A pressure is resisted by displacements that are not prescribed, on which it acts and which
-    change its equations; temperatures only expand the bodies. The last entry is that of no part.
-    With ``bulk.K`` assembled anew.
+    The last entry is that of no part. With ``bulk.K`` assembled anew.
     """
     bulk.assemble_tangent()
+    rows = compat.products(bulk.K, 1.0 * of_field[None])[0], bulk.K.getDiagonal().array_r
+    (within,) = _above_rounding(bulk, part_of, count, [(of_field, *rows)])
+    return np.where(within, 1.0, 0.0)
+
+
+def _resist_by_displacements(bulk: Bulk, part_of: Indices, of_field: Flags, count: int) -> Array:
+    """1 for parts where displacements resist a constant field, else 0, (count + 1,).
+
+    A pressure is resisted by displacements that are not prescribed, on which it acts and which
+    change its equations; temperatures only expand the bodies. Needs ``_resist_themselves`` before.
+    """
     one, fixed = 1.0 * of_field, bulk.prescribed[: of_field.size]
     moved, transpose = (part_of >= 0) & ~of_field, bulk.K.transpose(PETSc.Mat())
     displaced = np.zeros(bulk.u.x.array.size, bool)
     displaced[bulk.space.dofs] = True
     acts, follows = (
-        (products(matrix, one[None])[0], row_sizes(matrix, one)) for matrix in (bulk.K, transpose)
+        (compat.products(matrix, one[None])[0], row_sizes(matrix, one))
+        for matrix in (bulk.K, transpose)
     )
     transpose.destroy()
     if bulk.comm.allreduce(bool(acts[1][of_field].any()), MPI.LOR):  # no multiplier
         moved &= displaced[: of_field.size]
-    rows = [(of_field, acts[0]), (of_field, bulk.K.getDiagonal().array_r)]
-    for sums, entries in (acts, follows):
-        rows += [(moved & ~fixed, sums), (moved, entries)]
-    sizes = np.zeros((len(rows), count + 1))
-    for size, (on, values) in zip(sizes, rows, strict=True):
-        np.maximum.at(size, part_of[on], np.abs(values[on]))
-    sums, entries = largest_over_ranks(bulk.comm, sizes).reshape(3, 2, -1).transpose(1, 0, 2)
-    within, acts_on_free, follows_free = sums > ROUNDING * entries
-    return np.where(within | (acts_on_free & follows_free), 1.0, 0.0)
+    rows = [(moved, np.where(fixed, 0.0, sums), entries) for sums, entries in (acts, follows)]
+    acts_on_free, follows_free = _above_rounding(bulk, part_of, count, rows)
+    return np.where(acts_on_free & follows_free, 1.0, 0.0)
+
+
+def _above_rounding(
+    bulk: Bulk, part_of: Indices, count: int, rows: Sequence[tuple[Flags, Array, Array]]
+) -> Flags:
+    """Whether parts have rows whose sums are above rounding of the entries, (rows, count + 1).
+
+    Args:
+        bulk: The bodies.
+        part_of: Part of each owned dof, shape (n,).
+        count: Number of parts.
+        rows: Which dofs count, and sums and entries of their rows, shape (n,) each.
+    """
+    sizes = np.zeros((len(rows), 2, count + 1))
+    for size, (on, *values) in zip(sizes, rows, strict=True):
+        for largest, value in zip(size, values, strict=True):
+            np.maximum.at(largest, part_of[on], np.abs(value[on]))
+    sums, entries = largest_over_ranks(bulk.comm, sizes).swapaxes(0, 1)
+    return np.asarray(sums > ROUNDING * entries)
 
 
 def _conducting(
@@ -328,8 +342,7 @@ def _describe_behind(equations: Any) -> str:
         # A user's function need be finite beside its pairs only.
         if not isinstance(contact, Contact) or obstacle is None or not is_of_package(obstacle):
             continue
-        bodies = np.unique(outline.bodies_of(contact.slave))
-        at = x[np.isin(outline.bodies, bodies)]
+        at = x[np.isin(outline.bodies, np.unique(outline.bodies_of(contact.slave)))]
         what = f"the distance of '{obstacle.name}'"
         with at_place(obstacle, before.get(obstacle, obstacle.place)):
             depths = -call_together(outline.comm, what, partial(obstacle.evaluate, at))[0]

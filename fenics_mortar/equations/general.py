@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -90,11 +90,8 @@ class State(Value):
     def _taking(self, other: State, *names: str) -> State:
         """This state with some attributes of the interfaces of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return self.replaced(
-            interfaces=tuple(
-                a.replaced(**{name: getattr(b, name) for name in names}) for a, b in pairs
-            )
-        )
+        taken = (a.replaced(**{name: getattr(b, name) for name in names}) for a, b in pairs)
+        return self.replaced(interfaces=tuple(taken))
 
     def towards(self, other: State, fraction: float) -> State:
         """Interpolate to ``other`` by a ``fraction`` [1], with the active sets of this state."""
@@ -143,13 +140,9 @@ class ContactEquations:
     system: LinearSystem
 
     def __init__(
-        self,
-        bulk: Bulk,
-        contacts: Sequence[Contact | Tie],
-        linearization: Linearization,
-        newton: NewtonOptions,
-        remote: Sequence[Any] = (),
-    ) -> None:
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], linearization: Linearization,
+        newton: NewtonOptions, remote: Sequence[Any],
+    ) -> None:  # fmt: skip
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         self.linearization, self.newton = linearization, newton
         self.motions = motions = DrivenMotions(bulk, contacts, remote)
@@ -255,10 +248,12 @@ class ContactEquations:
             o = contact.operators
             if np.isnan(o.gap).any():
                 where = errors.format_point(o.x[int(np.isnan(o.gap).argmax())])
-                names = f"'{contact.slave.name}'"
+                names, advice = f"'{contact.slave.name}'", ""
                 if contact.obstacle is None:
                     names += f", or of '{contact.master.name}' opposite,"
-                raise errors.NotFiniteError(f"facets of {names} are folded at {where}")
+                    if contact.evaluation.sharp_edges.nodes.size:
+                        advice = f": {contact.other_roles}take smaller steps"
+                raise errors.NotFiniteError(f"facets of {names} are folded at {where}{advice}")
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -482,24 +477,6 @@ def _nodal_stiffness(contact: Interface, diagonal: Array) -> Array:
     return np.minimum(stiffness, STIFFER_SLAVE * of_master.min())
 
 
-@contextmanager
-def unchanged_if_refused(u: Any) -> Iterator[None]:
-    """Context that restores mesh and displacement if a set-up raises any exception (local).
-
-    Ties move nodes, and cheaper models may displace them.
-
-    Args:
-        u: The function of the unknowns.
-    """
-    positions, values = u.function_space.mesh.geometry.x, u.x.array
-    before = positions.copy(), values.copy()
-    try:
-        yield
-    except BaseException:
-        positions[:], values[:] = before
-        raise
-
-
 class Snapshot:
     """State of a problem to which an interrupted solve returns (local).
 
@@ -552,28 +529,4 @@ def restored_if_interrupted(equations: ContactEquations) -> Iterator[list[Kept]]
     except BaseException as error:
         before, *notes = kept[0]
         before.revert(renew=True)
-        raise_cause(error, *notes)
-
-
-def raise_cause(error: BaseException, *notes: str) -> NoReturn:
-    """Raise an error with notes, or the interruption that caused it; see ``as_interruption``."""
-    interruption = as_interruption(error)
-    for note in notes:
-        interruption.add_note(note)
-    if interruption is error:
-        raise error
-    raise interruption from error
-
-
-def as_interruption(error: BaseException) -> BaseException:
-    """Return a KeyboardInterrupt for an error that one in compiled code caused (local).
-
-    Numba reports an exception that is set during a call as a SystemError. Any other error is
-    returned unchanged.
-    """
-    cause: BaseException | None = error
-    while isinstance(cause, SystemError):
-        cause = cause.__cause__ or cause.__context__
-    if isinstance(error, SystemError) and isinstance(cause, KeyboardInterrupt):
-        return KeyboardInterrupt(*cause.args)
-    return error
+        errors.raise_cause(error, *notes)

@@ -29,26 +29,12 @@ from fenics_mortar.newton.loop import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import DRIVEN_TURNS, RigidMotion
 from fenics_mortar.rigid.spread import SpreadLoad
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotFiniteError,
-    as_text,
-    check_flag,
-    check_kind,
-    check_lengths,
-    check_no_effect,
-    check_number,
-    check_same,
-    check_same_texts,
-    format_point,
-    parameters_of,
-    together,
-)
 from fenics_mortar.verify.checks.obstacles import check_user_gradient
 
 if TYPE_CHECKING:
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.equations.general import ContactEquations
 
 
@@ -67,21 +53,21 @@ def check_numbers(mover: RigidMotion) -> None:
         expected = f"expected {size} finite numbers{fixed}"
         allowed = np.nan_to_num(given, posinf=np.inf, neginf=-np.inf) if what == "load" else given
         if given.shape != (size,) or given.dtype.kind not in "iuf":
-            raise MortarError(f"{what} of {name} is {given!r}: {expected}")
+            raise errors.MortarError(f"{what} of {name} is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
-            raise NotFiniteError(f"{what} of {name} is {given}: {expected}")
+            raise errors.NotFiniteError(f"{what} of {name} is {given}: {expected}")
     turns = int(np.isfinite(mover.load[mover.dim :]).sum())
     if turns not in DRIVEN_TURNS:
-        raise MortarError(
+        raise errors.MortarError(
             f"load of {name} is {mover.load}: expected moments about none, one or all of the axes"
         )
     if isinstance(mover, Obstacle) and type(mover).__module__.startswith(
         Obstacle.__module__.rpartition(".")[0]
     ):
-        of_shape = [what for what in parameters_of(mover) if what not in ("name", "pivot")]
+        of_shape = [what for what in errors.parameters_of(mover) if what not in ("name", "pivot")]
         shape = " or ".join(f"set_shape({what!r}, ...)" for what in mover.shape())
         cure = f"use {shape or 'another obstacle in a new problem'}"
-        check_no_effect(name, mover, of_shape, cure)
+        errors.check_no_effect(name, mover, of_shape, cure)
 
 
 def _angle_of(mover: RigidMotion) -> float:
@@ -95,11 +81,11 @@ def _check_pivot(mover: RigidMotion, pivot: Array, angle: float) -> None:
     if np.isfinite(mover.load[mover.dim :]).any():  # driven: turned by the last solve
         angle = _angle_of(mover)
     if angle != 0.0 and (np.asarray(mover.pivot) != pivot).any():
-        raise MortarError(
-            f"pivot of {mover.kind} '{mover.name}' was changed from {format_point(pivot)} to "
-            f"{format_point(mover.pivot)} after the {mover.kind} had turned by {angle:.4g} radian, "
-            "which would shift its surface: set the pivot before it turns, e.g. Circle(centre, "
-            "radius, pivot=...)"
+        raise errors.MortarError(
+            f"pivot of {mover.kind} '{mover.name}' was changed from {errors.format_point(pivot)} "
+            f"to {errors.format_point(mover.pivot)} after the {mover.kind} had turned by "
+            f"{angle:.4g} radian, which would shift its surface: set the pivot before it turns, "
+            "e.g. Circle(centre, radius, pivot=...)"
         )
 
 
@@ -111,7 +97,7 @@ def check_axial(mover: RigidMotion) -> None:
     """
     across = mover.load[[0, 2]]
     if across.any() if isinstance(mover, SpreadLoad) else np.isfinite(across).any():
-        raise MortarError(
+        raise errors.MortarError(
             f"{mover.kind} '{mover.name}' is pushed radially or turned: a rigid body of revolution "
             "moves along its axis only; expected push(y=...), and move(x=..., angle=...) for tools "
             "that change their shape"
@@ -152,28 +138,30 @@ class Inputs:
             MortarError, ValueError: On all ranks.
         """
         comm = self._bulk.comm
-        with together(comm, "the values set for the problem"):
+        with errors.together(comm, "the values set for the problem"):
             if self._bulk.inertia is not None and not self._bulk.inertia.moving:
-                raise MortarError(
+                raise errors.MortarError(
                     "bodies have inertia: expected Dynamics.step or Dynamics.run, since solve() "
                     "and follow_path find states at rest"
                 )
-            check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
+            errors.check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
             for name, flag in flags.items():
-                check_flag(name, flag)
+                errors.check_flag(name, flag)
             for mover, before in zip(self._movers, self._turned, strict=True):
                 self._check_mover(mover, *before)
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
-        check_same(comm, list(self._numbers()))
+        errors.check_same(comm, list(self._numbers()))
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
-            check_lengths(name, contact.offset, contact.slave.num_nodes)
+            errors.check_lengths(name, contact.offset, contact.slave.num_nodes)
         numbered = list(enumerate(self._contacts))
         texts: dict[str, Any] = {f"c_n of pair {number}": c.c_n for number, c in numbered}
         laws = [(number, c.pair.law) for number, c in numbered if isinstance(c, Contact)]
         texts |= {f"the law of pair {number}": law for number, law in laws}
-        check_same_texts(comm, "what was set of the problem", {"newton": newton, **texts, **flags})
+        errors.check_same_texts(
+            comm, "what was set of the problem", {"newton": newton, **texts, **flags}
+        )
         self._check_conditions()
         self._check_distances()
         if self._begins:
@@ -181,9 +169,8 @@ class Inputs:
                 check_user_gradient(contact)
             bulk, self._begins = self._bulk, False
             slaves = [contact.slave for contact in self._contacts]
-            self._first.append(
-                revolution.remark_on_thickness(bulk.residual, bulk.u, bulk.space, slaves)
-            )
+            given = bulk.residual, bulk.u, bulk.space, slaves
+            self._first.append(revolution.remark_on_thickness(*given))
         revolution.check_axis_values(self._bulk.space, self._bulk.u, self._bulk.bcs, self._on_axis)
         self._remember()
         remarks, self._first = self._first, []
@@ -218,14 +205,16 @@ class Inputs:
         if self._bulk.space.is_axisymmetric and isinstance(mover, RigidMotion):
             check_axial(mover)
         if isinstance(mover, SpreadLoad) and np.isnan(mover.load).any():
-            raise MortarError(f"load of {mover.kind} '{mover.name}' is nan: expected numbers")
+            raise errors.MortarError(
+                f"load of {mover.kind} '{mover.name}' is nan: expected numbers"
+            )
 
     def _check_conditions(self) -> None:
         """Reject driven motions of nodes that other conditions prescribe (collective)."""
         for load, prescribed in self._boundaries:
             count, where = self._bulk.input_data.count_nodes(load.driven_dofs() & prescribed)
             if count:
-                raise MortarError(
+                raise errors.MortarError(
                     f"{count} nodes of rigid boundary '{load.motion.name}', one at {where}, are "
                     "prescribed by another condition in a direction in which a push drives them: "
                     "leave them out of one of both, or prescribe that motion by move()"
@@ -239,7 +228,7 @@ class Inputs:
         positions = [c.slave.X + c.slave.gather(self._bulk.u.x.array) for c, _ in obstacles]
         of_bodies = self._outline.positions(self._bulk.u.x.array)
         sums: list[tuple[float, float]] = []
-        with together(comm, "the distance of an obstacle"):
+        with errors.together(comm, "the distance of an obstacle"):
             for (contact, obstacle), x in zip(obstacles, positions, strict=True):
                 phi, gradient, _ = obstacle.evaluate(x)
                 bodies = np.isin(self._outline.bodies, self._outline.bodies_of(contact.slave))
@@ -249,7 +238,7 @@ class Inputs:
         for (_, obstacle), (total, size) in zip(obstacles, sums, strict=True):
             low, high = comm.allreduce(total, MPI.MIN), comm.allreduce(total, MPI.MAX)
             if high - low > ROUNDING * comm.allreduce(size, MPI.MAX):
-                raise MortarError(f"the distance of '{obstacle.name}' differs between ranks")
+                raise errors.MortarError(f"the distance of '{obstacle.name}' differs between ranks")
 
 
 class Conflicts:
@@ -310,15 +299,15 @@ def _options(pair: Any) -> dict[str, str]:
     """
     fixed = {name: value for name, value in vars(pair).items() if name != "law"}
     fixed["fluxes"] = [id(flux) for flux in fixed.get("fluxes", ())]
-    return {name: as_text(value) for name, value in fixed.items()}
+    return {name: errors.as_text(value) for name, value in fixed.items()}
 
 
-def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
+def _check_contact(contact: Interface, as_bound: dict[str, str]) -> None:
     """Reject invalid values of a pair or of its contact (local)."""
     pair = contact.pair
     for name, texts in _options(pair).items():
         if as_bound.get(name) != texts:
-            raise MortarError(
+            raise errors.MortarError(
                 f"{name} of {pair!r} was set after the problem was set up, which has no effect: "
                 "set up a new problem (its law may be set, values of its conductances, "
                 "contact.c_n and contact.offset)"
@@ -327,15 +316,17 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
         contact.pair.present_jump()
     if isinstance(contact, Contact):
         expected = "an instance of Frictionless, Coulomb, Tresca or Law"
-        check_kind(f"law of {pair!r}", pair.law, Law, expected)
-        check_number("contact.c_n", contact.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+        errors.check_kind(f"law of {pair!r}", pair.law, Law, expected)
+        errors.check_number(
+            "contact.c_n", contact.c_n, "a positive number", lambda c: 0.0 < c < np.inf
+        )
         check_names(pair.law)
         pair.law.check()
         if type(pair.law) in BUILT_IN:
-            known = parameters_of(pair.law)
+            known = errors.parameters_of(pair.law)
             others = [name for name in vars(pair.law) if name not in known]
             cure = f"this law has {', '.join(known) or 'no parameters'}"
-            check_no_effect(f"{pair.law!r}", pair.law, others, cure)
+            errors.check_no_effect(f"{pair.law!r}", pair.law, others, cure)
 
 
 def _check_side(contact: Contact, on_slave: tuple[Array, Array, Array], bodies: Array) -> None:
@@ -359,9 +350,8 @@ def _check_side(contact: Contact, on_slave: tuple[Array, Array, Array], bodies: 
         return
     level = SAME_PLACE * contact.slave.nodal_lengths.min()
     of_outline = contact.obstacle.evaluate(bodies)[0]
-    within = [2 * (at <= level).sum() > at.size for at in (phi - contact.offset, of_outline)]
-    if any(within):
-        raise MortarError(
+    if any([2 * (at <= level).sum() > at.size for at in (phi - contact.offset, of_outline)]):
+        raise errors.MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
             "its surface: the solid is on the side of the body. The outward normal, along which "
             "the distance increases, has to point to the body (reverse the normal of a Plane, set "
@@ -371,7 +361,7 @@ def _check_side(contact: Contact, on_slave: tuple[Array, Array, Array], bodies: 
         )
 
 
-def check_roles(contacts: Sequence[Contact | Tie]) -> None:
+def check_roles(contacts: Sequence[Interface]) -> None:
     """Reject two surfaces that are slave and master of each other in two pairs (local).
 
     Raises:
@@ -381,7 +371,7 @@ def check_roles(contacts: Sequence[Contact | Tie]) -> None:
         if have_common_facet(one.slave, other.master) and have_common_facet(
             other.slave, one.master
         ):
-            raise MortarError(
+            raise errors.MortarError(
                 f"{one.pair!r} and {other.pair!r} have the same two surfaces with exchanged "
                 "roles: their gaps would be constrained twice; omit one of them"
             )

@@ -48,8 +48,7 @@ import numpy as np
 from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.sparse import solve_bordered
 from fenics_mortar.rigid.driven import border_of
-from fenics_mortar.utils.errors import check_kind, check_same, together
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils import errors, ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
@@ -171,7 +170,7 @@ class LinearizedEquations:
                 change = self._solved(self._remainder(change, stiff, transpose), transpose)
                 found = found + change
                 sizes = [np.sum(x.u**2) for x in (change, found) if x.u is not None]
-                last, whole = sum_over_ranks(self._bulk.comm, sizes)
+                last, whole = ranks.sum_over_ranks(self._bulk.comm, sizes)
                 if last <= LAST_CHANGE**2 * whole:
                     break
             return found
@@ -226,8 +225,8 @@ class LinearizedEquations:
             ValueError: On all ranks, if shape or type is wrong.
             MortarError: On all ranks, if z or q differ between ranks.
         """
-        with together(self._bulk.comm, "linear_solve"):
-            check_kind("rhs", rhs, LinearVector, "a LinearVector")
+        with errors.together(self._bulk.comm, "linear_solve"):
+            errors.check_kind("rhs", rhs, LinearVector, "a LinearVector")
             u = _checked("u", rhs.u, (self._bulk.num_owned,))
             if rhs.z is not None and len(rhs.z) != len(self._contacts):
                 raise ValueError(
@@ -238,7 +237,7 @@ class LinearizedEquations:
             shapes = [contact.z.shape for contact in self._contacts]
             z = [_checked("z", values, shape) for values, shape in zip(given, shapes, strict=True)]
             q = _checked("q", rhs.q, self._shape)
-        check_same(self._bulk.comm, [*(("z", values) for values in z), ("q", q)])
+        errors.check_same(self._bulk.comm, [*(("z", values) for values in z), ("q", q)])
         return self._system.join(u, z), q.ravel()
 
 

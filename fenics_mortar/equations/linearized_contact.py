@@ -15,7 +15,6 @@ from petsc4py import PETSc
 import numpy as np
 from scipy.sparse import csr_array
 
-from fenics_mortar.bulk.bodies import products
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.law import STICK, Coulomb, Frictionless
@@ -31,7 +30,7 @@ from fenics_mortar.rigid.complementarity import (
     follow_loads,
     solve_friction,
 )
-from fenics_mortar.utils import errors
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.arrays import SAME_PLACE, SOLVED, Array, Flags, Indices
 
 if TYPE_CHECKING:
@@ -289,7 +288,7 @@ class LinearizedContact:
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(pair_rows))
         moved = np.zeros(bulk.num_owned)
         moved[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
-        rest = -(products(bulk.K, moved[None])[0] + bulk.r.array_r[: bulk.num_owned])
+        rest = -(compat.products(bulk.K, moved[None])[0] + bulk.r.array_r[: bulk.num_owned])
         forces = _columns(B_T, used)
         responses = displacements(bulk, self._floating, np.column_stack([forces, rest]))
         responses[:, -1] += moved

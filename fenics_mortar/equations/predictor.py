@@ -8,7 +8,7 @@ does so for the solves of a user's loop.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,10 +21,9 @@ from fenics_mortar.contact.contact import Contact, begin_step
 from fenics_mortar.contact.pair import Pretension
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
-from fenics_mortar.newton.loop import NewtonReport, then_solve
+from fenics_mortar.newton.loop import Solve, then_solve
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, Array, Flags, Indices
-from fenics_mortar.utils.errors import NotConvergedError, as_text
-from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations, State
@@ -186,10 +185,6 @@ class _Kind:
     pause: int = 0
     left: int = 0
 
-    def failed(self) -> None:
-        """Pause for twice as many steps as the last time."""
-        self.left = self.pause = max(2 * self.pause, 1)
-
 
 class Predictor:
     """Initial guess of a load step: the last state, or an extrapolation of the last states.
@@ -241,9 +236,7 @@ class Predictor:
         return Point(time, self._problem.state(), self._frame.contact_centres())
 
     @contextmanager
-    def attempt(
-        self, time: float, solve: Callable[[], NewtonReport], *, guesses: bool = True
-    ) -> Iterator[Callable[[], NewtonReport]]:
+    def attempt(self, time: float, solve: Solve, *, guesses: bool = True) -> Iterator[Solve]:
         """Context of a solve for a time, from a guess or from the last state (collective).
 
         The context solves from a guess, if there is one, and accepts the state at its end.
@@ -337,12 +330,9 @@ class Predictor:
 
     def _under_pressure(self) -> Flags:
         """Marks of pairs under pressure, shape (contacts,), bool (local)."""
-        contacts = self._problem.floating.contacts
-        return np.array([(c.pressure > 0.0).any() for c in contacts], bool)
+        return np.array([(c.pressure > 0.0).any() for c in self._problem.floating.contacts], bool)
 
-    def _solve_from_guess(
-        self, kind: _Kind, here: State, solve: Callable[[], NewtonReport]
-    ) -> Callable[[], NewtonReport]:
+    def _solve_from_guess(self, kind: _Kind, here: State, solve: Solve) -> Solve:
         """Solve; if convergence is poor, return to ``here``. The rest of it, see ``attempt``."""
         options = self._problem.newton
         few = min(EQUATIONS.max_guess_iterations, options.max_iterations)
@@ -350,7 +340,7 @@ class Predictor:
         try:
             self._problem.newton = cautious
             report = solve()
-        except NotConvergedError as error:
+        except errors.NotConvergedError as error:
             error.report.notes.append(f"extrapolated initial guess abandoned: {error}")
             abandoned = error.report
         else:
@@ -358,7 +348,7 @@ class Predictor:
             return lambda: report
         finally:
             self._problem.newton = options
-        kind.failed()
+        kind.left = kind.pause = max(2 * kind.pause, 1)
         self._problem.restore(here)
         return partial(then_solve, abandoned, solve)
 
@@ -383,7 +373,7 @@ def loads_of(e: ContactEquations) -> Loads:
     values += [np.array(contact.offset, float).ravel() for contact in e.contacts]
     ties = [contact.pair for contact in e.contacts if isinstance(contact, Tie)]
     values += [pair.present_jump() for pair in ties if not isinstance(pair, Pretension)]
-    return values, [as_text(contact.pair.law) for contact in e.floating.contacts]
+    return values, [errors.as_text(contact.pair.law) for contact in e.floating.contacts]
 
 
 class Continuation:
@@ -412,9 +402,7 @@ class Continuation:
         self._step = 1.0
 
     @contextmanager
-    def attempt(
-        self, solve: Callable[[], NewtonReport], *, guess: bool
-    ) -> Iterator[Callable[[], NewtonReport]]:
+    def attempt(self, solve: Solve, *, guess: bool) -> Iterator[Solve]:
         """Context of a solve, from a guess if loads continue, else from the present state.
 
         The state at its end is accepted. Collective.
@@ -456,7 +444,7 @@ class Continuation:
         found = equations.motions.found
         same &= np.array_equal(history.accepted, last.history.accepted)
         same &= np.array_equal(equations.motions.places[found], last.places[found])
-        return on_all_ranks(equations.comm, same)
+        return ranks.on_all_ranks(equations.comm, same)
 
     def _ratio(self, loads: Loads) -> float:
         """Length of the next load step over that of the last [1]; 0.0 if loads do not continue.
@@ -468,7 +456,7 @@ class Continuation:
         for a, b, c in zip(*values, strict=True):
             done, next_ = b - a, c - b
             parts.append((done @ done, done @ next_, next_ @ next_, a @ a + b @ b + c @ c))
-        sums = sum_over_ranks(self._equations.comm, np.reshape(parts, (-1, 4)))
+        sums = ranks.sum_over_ranks(self._equations.comm, np.reshape(parts, (-1, 4)))
         sums[:, :3] *= sums[:, :3].max(axis=1, keepdims=True) > ROUNDING**2 * sums[:, 3:]
         done2, product, next2, _ = sums.T
         if before != laws or last != laws or not done2.any():

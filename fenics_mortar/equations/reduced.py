@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from fenics_mortar.bulk.bodies import find_floating_bodies, products
+from fenics_mortar.bulk.bodies import find_floating_bodies
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.la.compliance import Compliance, ContactDofs
@@ -26,8 +26,8 @@ from fenics_mortar.la.options import COMPLIANCE, costs_of
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten, is_symmetric
 from fenics_mortar.rigid.body_motions import names_of
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError
 
 if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
@@ -184,8 +184,7 @@ class ReducedEquations:
         else:
             bulk.values[:] += moved
             self._balance(self._force)
-        z = self._scaled(zeta)
-        for contact, values in zip(self._system.contacts, z, strict=True):
+        for contact, values in zip(self._system.contacts, self._scaled(zeta), strict=True):
             contact.move(values, fraction, moved[: bulk.num_owned])
         return self._general.step(moved, fraction=fraction)
 
@@ -292,7 +291,7 @@ class ReducedEquations:
                 found = self._solve_here(d, h, transpose)
         found = comm.bcast(found)
         if found is None:
-            raise MortarError("the reduced linear system is singular")
+            raise errors.MortarError("the reduced linear system is singular")
         return found
 
     def _solve_here(
@@ -343,7 +342,7 @@ class ReducedEquations:
             h = [values * c.components.scale for c, values in zip(system.contacts, h, strict=True)]
         else:
             known[prescribed] = given
-            f -= products(self._K_H, given[None], transpose=True)[0]
+            f -= compat.products(self._K_H, given[None], transpose=True)[0]
         d = self._without_contact(f) + self._dofs.gather(known)
         _, force, zeta = self._on_contact(d, h, transpose=transpose)
         forces = np.zeros_like(f)
@@ -351,7 +350,7 @@ class ReducedEquations:
         u = self._of_bulk(f - forces) + known
         if not transpose:
             return system.join(u, self._scaled(zeta))
-        u[prescribed] = given - products(self._K_H, u[None])[0] - forces[prescribed]
+        u[prescribed] = given - compat.products(self._K_H, u[None])[0] - forces[prescribed]
         return system.join(u, [zeta[z_dofs] for z_dofs in system.z_dofs])
 
     def finish(self) -> None:
@@ -363,9 +362,8 @@ class ReducedEquations:
         bulk.assemble_residual()
         self._dofs.put(self._force, forces)
         with clock("solve"):
-            bulk.values[: bulk.num_owned] -= self._of_bulk(
-                bulk.r.array_r[: bulk.num_owned] + forces
-            )
+            forces += bulk.r.array_r[: bulk.num_owned]
+            bulk.values[: bulk.num_owned] -= self._of_bulk(forces)
         bulk.u.x.scatter_forward()
 
     def diagnose(self) -> str:
@@ -429,7 +427,7 @@ class LinearBulk:
         try:
             with clock("solve"):
                 self._equations = ReducedEquations(self._general, self._prefix)
-        except MortarError:  # singular: the solve on all dofs locates the cause
+        except errors.MortarError:  # singular: the solve on all dofs locates the cause
             if self._requested:
                 raise
             self._say_refused("its stiffness is singular")

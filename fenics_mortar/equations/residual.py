@@ -19,10 +19,9 @@ from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.kernels.blocks import add_forces
 from fenics_mortar.mesh.data import MeshData, Names, as_list, joined_names
 from fenics_mortar.obstacles.rigid_motion import moments_of
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import EPSILON, SOLVED, Array, Indices, Numbers
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MeshError, MortarError, check_same_texts, together
-from fenics_mortar.utils.ranks import on_any_rank, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -89,7 +88,7 @@ class Residual:
             inertia = (bulk.inertia.forces(bulk.u.x.array) ** 2).sum()
         sums = np.array([free + moves @ moves, contact, reactions, inertia, rows, rows * rows])
         if bulk.comm.size > 1:
-            sums = sum_over_ranks(bulk.comm, sums)
+            sums = ranks.sum_over_ranks(bulk.comm, sums)
             self._check_equal_on_ranks(sums[1:4].max(), *sums[4:])
         largest = sums[1:4].max()  # nan if one of them is
         self.force, self.attainable = math.sqrt(largest), self.roundoff()
@@ -110,7 +109,7 @@ class Residual:
         mean = total / size
         spread = math.sqrt(max(squares / size - mean**2, 0.0))
         if spread > SOLVED * max(mean, force2):  # its roundoff is sqrt(EPSILON) = 1.5e-8
-            raise MortarError(
+            raise errors.MortarError(
                 "the equations of contact differ between ranks: expected the same law, distance "
                 "and attributes of contacts and obstacles on all ranks"
             )
@@ -234,14 +233,14 @@ def reaction_of(
             is prescribed.
         ValueError: On all ranks, if ``about`` is not a point.
     """
-    with together(bulk.comm, "reaction"):
+    with errors.together(bulk.comm, "reaction"):
         point = _point(about, bulk.space.dim)
         if not given:
-            raise MeshError(
+            raise errors.MeshError(
                 "without pairs or remote loads there are no names of boundaries; expected data="
             )
         if any(data.mesh is not bulk.V.mesh for data in given):
-            raise MeshError("data belongs to another mesh than u")
+            raise errors.MeshError("data belongs to another mesh than u")
         known = [
             data
             for data in given
@@ -249,19 +248,19 @@ def reaction_of(
         ]
         data = (known or given)[0]
         tags = data.boundary_tags(names)
-    check_same_texts(bulk.comm, "reaction", {"boundary": tags, "about": point})
+    errors.check_same_texts(bulk.comm, "reaction", {"boundary": tags, "about": point})
     nodes = _nodes(bulk, data.boundary_facets(names))
     dofs = bulk.space.dofs[nodes]
     prescribed = bulk.prescribed[dofs]
-    if not on_any_rank(bulk.comm, bool(prescribed.any())):
-        raise MeshError(
+    if not ranks.on_any_rank(bulk.comm, bool(prescribed.any())):
+        raise errors.MeshError(
             f"boundary '{joined_names(names)}' has no prescribed dof, so that nothing supports the "
             f"body there; expected one with a Dirichlet condition: {_supported(bulk, data)}"
         )
     on_nodes = np.where(prescribed, forces[dofs], 0.0)
     arms = bulk.positions()[nodes] - point
     moments = moments_of(arms, on_nodes).sum(axis=1) * (not bulk.space.is_axisymmetric)
-    sums = sum_over_ranks(bulk.comm, np.concatenate([on_nodes.sum(axis=0), moments]))
+    sums = ranks.sum_over_ranks(bulk.comm, np.concatenate([on_nodes.sum(axis=0), moments]))
     force, moment = np.split(sums, [bulk.space.dim])
     return Reaction(force, moment if moment.size > 1 else float(moment[0]), point)
 
@@ -292,7 +291,7 @@ def _supported(bulk: Bulk, data: MeshData) -> list[str]:
     for name, tag in data.boundaries.items():
         nodes = _nodes(bulk, data.facet_tags.find(tag))
         prescribed = bulk.prescribed[bulk.space.dofs[nodes]].any(axis=1)
-        count, fixed = sum_over_ranks(bulk.comm, [len(nodes), prescribed.sum()])
+        count, fixed = ranks.sum_over_ranks(bulk.comm, [len(nodes), prescribed.sum()])
         if 0 < count == fixed:
             found.append(name)
     return found

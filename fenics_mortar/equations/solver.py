@@ -14,30 +14,21 @@ from fenics_mortar.contact.contact import Contact, begin_step, commit, instants_
 from fenics_mortar.contact.law import BUILT_IN
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.view import describe_start
+from fenics_mortar.equations import turns
 from fenics_mortar.equations.diagnosis import describe_isolated
-from fenics_mortar.equations.reduced import LinearBulk
-from fenics_mortar.equations.turns import (
-    follow_solution,
-    lead_by_motions,
-    turn,
-    turns_of_prescribed,
-    with_followers,
-)
+from fenics_mortar.equations.reduced import LinearBulk, ReducedEquations
 from fenics_mortar.newton import loop
-from fenics_mortar.obstacles.rigid_motion import RIGID
+from fenics_mortar.obstacles.rigid_motion import RIGID, RigidPath
 from fenics_mortar.rigid.floating import check_settled, settle
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import HALF_FACET, Array
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError, NotConvergedError, NotFiniteError
-from fenics_mortar.utils.ranks import agreed
 from fenics_mortar.verify.certificate import Certificate, certify, tipping_bodies
 
 if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
-    from fenics_mortar.equations.reduced import ReducedEquations
     from fenics_mortar.la.system import LinearSystem
-    from fenics_mortar.verify.node_paths import RigidPath
 
 
 class Solver:
@@ -51,13 +42,9 @@ class Solver:
     """
 
     def __init__(
-        self,
-        equations: ContactEquations,
-        create_system: Callable[[], LinearSystem],
-        *,
-        linear_bulk: bool | None,
-        prefix: str,
-    ) -> None:
+        self, equations: ContactEquations, create_system: Callable[[], LinearSystem],
+        *, linear_bulk: bool | None, prefix: str,
+    ) -> None:  # fmt: skip
         self._equations, self._create_system = equations, create_system
         self._damps_first = self._may_cut = False
         equations.system = create_system()
@@ -75,7 +62,7 @@ class Solver:
         starts, self._starts = self._starts, []
         return [t for contact, t, before in starts if t and np.array_equal(contact.offset, before)]
 
-    def _blame_mesh(self, error: NotConvergedError) -> None:
+    def _blame_mesh(self, error: errors.NotConvergedError) -> None:
         """Add to the error of the first solve that bodies of the mesh overlap deeply."""
         found = self._equations.crossings.wrong_at_start()
         if found:
@@ -113,7 +100,7 @@ class Solver:
         springs, crossings = e.springs.remaining(), e.crossings.find()
         carried = {"springs": springs.fraction, "held": springs.message}
         found = {**carried, "crossings": crossings, "tipping": tipping, **of_step}
-        return agreed(e.comm, replace(certificate, **found))
+        return ranks.agreed(e.comm, replace(certificate, **found))
 
     def _loads_of_motions(self) -> Array:
         """Loads at points less the forces of ties, with those in sections (owned dofs,) [force]."""
@@ -147,7 +134,7 @@ class Solver:
             instants = instants_of(e.comm, e.contacts)
             history = e.bulk.history.new_values()
         except Exception as error:  # of any type, equal on all ranks
-            if self._starts and isinstance(error, NotConvergedError):
+            if self._starts and isinstance(error, errors.NotConvergedError):
                 self._blame_mesh(error)
             e.last_converged = False
             e.crossings.leave()
@@ -166,8 +153,8 @@ class Solver:
         certificate = self.certificate(
             drift=e.motions.slide_along_driven(), passages=passages, possible_passages=possible
         )
-        turns = e.crossings.led.messages(at_start, places, certificate.pairs_with("rotation"))
-        certificate = replace(certificate, uncertain_turns=turns, unsupported=unsupported)
+        uncertain = e.crossings.led.messages(at_start, places, certificate.pairs_with("rotation"))
+        certificate = replace(certificate, uncertain_turns=uncertain, unsupported=unsupported)
         report.certificate = certificate
         violations = certificate.violations()
         messages = [f"VIOLATED: {violation}" for violation in violations]
@@ -185,24 +172,29 @@ class Solver:
         """Rigid moves and a solve, and sentences on moved bodies.
 
         If this fails after idle bodies were set aside, all of them take part in contact: those that
-        other bodies squeeze may stay where they are by symmetry only, as without friction.
+        other bodies squeeze may stay where they are by symmetry only, as without friction. If it
+        fails after ``push_aside``, the solve without this comes first.
         """
         e, failed = self._equations, None
-        start = e.state()
-        for may_be_aside in (True, False):
+        start, may_push, may_be_aside, pushed = e.state(), True, True, False
+        while True:
             e.idle.reset(may_be_aside=may_be_aside)
             try:
                 moved = self._move()
-                again = partial(self._solve, follows=False)
-                report = follow_solution(e, self._solve(), again)
+                pushed = may_push and turns.push_aside(e, e.idle.first)
+                report = turns.follow_solution(
+                    e, self._solve(follows=not pushed), partial(self._solve, follows=False)
+                )
                 moved += check_settled(e.floating, e.idle.reach())
                 break
-            except MortarError as error:
+            except errors.MortarError as error:
                 if failed is not None:
                     raise failed from error
-                if not e.idle.were_aside or e.newton.tentative:
+                if not (e.idle.were_aside or pushed) or e.newton.tentative:
                     raise
-                failed = error
+                if not pushed:
+                    failed, may_be_aside = error, False
+                may_push = pushed = False
             e.springs.remove_springs()
             e.restore(start)
         return report, moved
@@ -212,12 +204,11 @@ class Solver:
         e = self._equations
         e.motions.follow(e.evaluate_operators)
         moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
-        evaluate = partial(e.idle.evaluate, e.evaluate_forces)
-        moved += settle(e.floating, evaluate, e.idle.give_way)
+        moved += settle(e.floating, partial(e.idle.evaluate, e.evaluate_forces), e.idle.give_way)
         e.springs.remove_springs()
         if moved:
             self._accept_moved()
-        lead_by_motions(e, solved=False)
+        turns.lead_by_motions(e, solved=False)
         e.idle.find(e.evaluate_forces)
         return moved
 
@@ -245,21 +236,21 @@ class Solver:
             ]
         e.system.solver.count_anew()
         start, may_turn = e.state(), not e.newton.tentative and e.bulk.inertia is None
-        turns = turns_of_prescribed(e) if may_turn else {}
-        followed = with_followers(e, turns) if may_turn and follows else turns
-        turned = [each for each in (followed, turns)[len(followed) == len(turns) :] if each]
-        met = [(self._meets(each, start, followed=each is not turns), each) for each in turned]
+        given = turns.turns_of_prescribed(e) if may_turn else {}
+        followed = turns.with_followers(e, given) if may_turn and follows else given
+        turned = [each for each in (followed, given)[len(followed) == len(given) :] if each]
+        met = [(self._meets(each, start, followed=each is not given), each) for each in turned]
         clear, blocked = ([each for is_met, each in met if is_met is b] for b in (False, True))
         newton, starts = self._newton(), [*clear, {}, *blocked]
         for motions in starts:
             try:
                 if motions:
-                    turn(e, motions, followed=motions is not turns)
-                if len(motions) > len(turns):  # values tell no turns of others
-                    lead_by_motions(e, solved=True)
+                    turns.turn(e, motions, followed=motions is not given)
+                if len(motions) > len(given):  # values tell no turns of others
+                    turns.lead_by_motions(e, solved=True)
                 report = newton()
                 break
-            except NotConvergedError as error:
+            except errors.NotConvergedError as error:
                 if e.newton.tentative:
                     raise
                 failed = error
@@ -287,13 +278,13 @@ class Solver:
             solves = status.residual <= loop.allowed_residual(status, force, e.newton)
             if solves and not e.bulk.inverted_cells()[0]:
                 return report
-        except NotConvergedError:
+        except errors.NotConvergedError:
             if e.newton.tentative:
                 raise
         e.restore(start)
         return None
 
-    def _solve_anew(self, start: Any, failed: NotConvergedError) -> loop.NewtonReport:
+    def _solve_anew(self, start: Any, failed: errors.NotConvergedError) -> loop.NewtonReport:
         """Solve on all dofs with damped steps or springs after Newton's method failed.
 
         In a large step that closes contact with friction, nodes stick or slide along slips that are
@@ -308,15 +299,15 @@ class Solver:
         if self._has_own_law or softens or not floats:
             try:
                 return self._restart(start, failed)
-            except NotConvergedError as error:
+            except errors.NotConvergedError as error:
                 if not floats:
                     raise
                 failed = error
         if e.remedies.drifts():
             try:
                 return solve_with_weak_springs(e, e.newton, failed, max_fraction=RIGID.slight)
-            except NotConvergedError as with_springs:
-                failed = NotConvergedError(failed.report.reason, with_springs.report)
+            except errors.NotConvergedError as with_springs:
+                failed = errors.NotConvergedError(failed.report.reason, with_springs.report)
         e.restore(start)
         return solve_with_springs(e, e.newton, failed)
 
@@ -328,16 +319,16 @@ class Solver:
         """
         e = self._equations
         try:
-            turn(e, motions, followed=followed)
+            turns.turn(e, motions, followed=followed)
             deep = any(c.facets > max(c.admitted, HALF_FACET) for c in e.crossings.find())
             found = deep or bool(e.crossings.passages(e.motions.obstacle_places)[0])
-        except NotFiniteError:  # on all ranks
+        except errors.NotFiniteError:  # on all ranks
             return None
         finally:
             e.restore(start)
-        return agreed(e.comm, found)
+        return ranks.agreed(e.comm, found)
 
-    def _restart(self, start: Any, failed: NotConvergedError) -> loop.NewtonReport:
+    def _restart(self, start: Any, failed: errors.NotConvergedError) -> loop.NewtonReport:
         """Newton's method with damped steps after full ones, with a user's law also reversely.
 
         Bonds that soften have no derivative then: gaps grow up to the next equilibrium, also where
@@ -365,18 +356,18 @@ class Solver:
                 for c in self._softening():
                     c.omit_softening(always=anew)
                 report = loop.then_solve(last.report, self._newton(damped))
-            except NotConvergedError as error:
+            except errors.NotConvergedError as error:
                 last = error
                 continue
-            except NotFiniteError as error:  # where the attempt before has ended
-                last = NotConvergedError(str(error), last.report)
+            except errors.NotFiniteError as error:  # where the attempt before has ended
+                last = errors.NotConvergedError(str(error), last.report)
                 continue
             finally:
                 for c in self._softening():
                     c.omit_softening(always=False)
             self._damps_first = damped
             return report
-        raise NotConvergedError(str(failed), last.report) from None
+        raise errors.NotConvergedError(str(failed), last.report) from None
 
     def _softening(self) -> list[Contact]:
         """Contacts with adhesion, which may decrease with the gap."""
@@ -426,7 +417,7 @@ class Solver:
 
 def _wrong_state(
     report: loop.NewtonReport, violations: Sequence[str], *, moving: bool
-) -> NotConvergedError:
+) -> errors.NotConvergedError:
     """Error for a state that violates its certificate, with advice; ``Dynamics`` accepts none."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
@@ -434,4 +425,4 @@ def _wrong_state(
     advice = "follow_path reverts and cuts such a step; " * (smaller and not moving)
     if not moving:
         advice += "solve(accept_violations=True) returns the state"
-    return NotConvergedError("; ".join(filter(None, (report.reason, advice))), report)
+    return errors.NotConvergedError("; ".join(filter(None, (report.reason, advice))), report)

@@ -24,7 +24,7 @@ another sharp node of theirs takes their normal.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -33,10 +33,7 @@ from fenics_mortar.kernels.space.normals import edge_coefficients
 from fenics_mortar.kernels.space.shapes import triangles_of
 from fenics_mortar.kernels.space.triangles import NO_ROLES, facing_normals
 from fenics_mortar.kernels.tree import build_tree, spatial_order
-from fenics_mortar.utils.arrays import ROUNDING
-
-if TYPE_CHECKING:
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.

@@ -11,19 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fenics_mortar.interface import surfaces
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.space import input_nodes
-from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, angles_between
+from fenics_mortar.mesh.space import DisplacementSpace, input_nodes
+from fenics_mortar.utils.arrays import ROUNDING, SAME_PLACE, Array, Indices, Numbers, angles_between
 from fenics_mortar.utils.errors import SurfaceError, format_point
-
-if TYPE_CHECKING:
-    from fenics_mortar.mesh.space import DisplacementSpace
-    from fenics_mortar.utils.arrays import Array, Indices, Numbers
 
 # Turn of the outline to the right from which on it folds back, as round the tip of a crack
 # [radian]: the faces enclose an angle below 30 degrees and face each other; the average of their
@@ -279,12 +274,5 @@ def extract_curve(space: DisplacementSpace, facets: Numbers, name: str) -> Curve
     _check_facets(of_facets, X, given, name)
     order, of_facets, previous, following = order_curves(of_facets, X, name)
     thickness = space.thickness.at_nodes(X[order], V.mesh.comm) if space.thickness else None
-    return Curve(
-        name=name,
-        X=X[order],
-        facets=of_facets,
-        previous=previous,
-        following=following,
-        thickness=thickness,
-        **surfaces.place_of_nodes(space, nodes[order]),
-    )
+    place = surfaces.place_of_nodes(space, nodes[order]) | {"X": X[order], "thickness": thickness}
+    return Curve(name=name, facets=of_facets, previous=previous, following=following, **place)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -171,22 +171,6 @@ def _check_areas(x: Array, name: str) -> None:
         raise SurfaceError(
             f"surface '{name}': the facet at {format_point(x[flat[0]].mean(axis=0))} has no area"
         )
-
-
-def surface_of_vertices(surface: Any) -> tuple[Any, Indices]:
-    """The surface without the inner nodes of its facets, in the plane or in space (local).
-
-    Its facets are linear, between the vertices of quadratic ones, for fields of degree 1.
-
-    Returns:
-        The surface, and the numbers of its k nodes in the given one, shape (k,).
-    """
-    degree, kept, beside = surface.degree, np.flatnonzero(~surface.inner), {}
-    if surface.dim == 2:
-        every = np.arange(surface.num_nodes)
-        before, after = surface.along(every, range(-degree, degree + 1, 2 * degree)).T
-        beside = {"previous": before, "following": after}
-    return surface.of_nodes(kept, facets=surface.corners, **beside), kept
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.faces import FacetPairs
+from fenics_mortar.interface.faces import Faces, FacetPairs
 from fenics_mortar.kernels.projection import lagrange
 from fenics_mortar.kernels.space.integrals import listed_points
 from fenics_mortar.kernels.space.normals import facets_around
@@ -27,7 +27,6 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 if TYPE_CHECKING:
     from fenics_mortar.interface.curve_surface import Curve
-    from fenics_mortar.interface.faces import Faces
     from fenics_mortar.interface.integrals import PlaneOperators, Segments
 
 Rule = tuple[Array, Array]
@@ -140,8 +139,7 @@ def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
         coordinates, w = np.tile(points, (count, 1, 1)), np.tile(weights, (count, 1))
         at = segments.facets, segments.slave, coordinates, w
         return Points(*at, table[:, :, 0], table[:, :, 1:])
-    facet = segments.facets[segments.owner]
-    return points_between(facet, segments.slave, segments.ends, rule)
+    return points_between(segments.facets[segments.owner], segments.slave, segments.ends, rule)
 
 
 def with_weight(points: Points, *, at_vertices: bool) -> Points:
@@ -155,8 +153,7 @@ def with_weight(points: Points, *, at_vertices: bool) -> Points:
     if not at_vertices:
         return replace(points, shape=points.shape @ reference.positive_functions().T)
     linear = reference.linear_values(6)
-    corners = points.slave[:, : linear.shape[1]]
-    return replace(points, slave=corners, shape=points.shape @ linear)
+    return replace(points, slave=points.slave[:, : linear.shape[1]], shape=points.shape @ linear)
 
 
 def both_sides(o: Any, segments: Segments | FacetPairs) -> tuple[Facing, Points]:

@@ -21,7 +21,7 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, BodiesBehind, MortarOperators
-from fenics_mortar.interface.reference import facet_rule, gauss_rule, hand_over
+from fenics_mortar.interface.reference import Basis, facet_rule, gauss_rule, hand_over
 from fenics_mortar.kernels import points as point_kernels
 from fenics_mortar.kernels import projection, search
 from fenics_mortar.kernels.space import normals as space_normals
@@ -32,7 +32,6 @@ from fenics_mortar.utils.ranks import sum_over_ranks
 if TYPE_CHECKING:
     from fenics_mortar.interface.corners import SharpEdges
     from fenics_mortar.interface.mortar import ByEntries, Linearization, MortarOptions, Weighting
-    from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import Surface
 
 
@@ -192,12 +191,9 @@ def basis_on(surface: Any, basis: Basis) -> Basis:
 
 
 def evaluate_normals(
-    surface: Any,
-    x: Array,
-    weighting: Weighting,
-    links: tuple[Indices, ...] | None = None,
+    surface: Any, x: Array, weighting: Weighting, links: tuple[Indices, ...] | None = None,
     planes: Array | None = None,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array]:  # fmt: skip
     """Averaged unit normals of nodes, and their derivatives (local).
 
     Args:
@@ -418,7 +414,7 @@ def evaluate_mortar(given: MortarInput) -> PlaneOperators:
     if s is None:
         s = find_segments(slave, master, x, n, m, share, options, behind)
     nodes = slave.facets[share]
-    thickness = slave.thickness.for_kernels if slave.thickness else None
+    thickness = (slave.thickness.constant, slave.thickness.by_x) if slave.thickness else None
     if nodes.shape[1] > 2:
         multiplier_nodes = multiplier_nodes & _covered(slave, s, x, thickness)
     weights = hand_over(multiplier_nodes[nodes])
@@ -455,21 +451,16 @@ def sum_over_facets(
     on_facets[0], on_facets[1], on_facets[2] = D.diagonal(axis1=1, axis2=2), gap, cover
     on_facets[3] = D.sum(axis=2)
     rows = nodes + count * np.arange(4)[:, None, None]
-    sums = np.bincount(rows.ravel(), on_facets.ravel(), 4 * count)
-    nodal = sums.reshape(4, count)
+    nodal = np.bincount(rows.ravel(), on_facets.ravel(), 4 * count).reshape(4, count)
     if slave.comm.size > 1 or not nodes.size:  # numpy's sums of nothing are integers
         nodal = sum_over_ranks(slave.comm, nodal)
     return dict(zip(("diagonal", "gap", "cover", "weight"), nodal, strict=True))
 
 
 def integrate_segments(
-    s: Segments,
-    nodes: Indices,
-    geometry: tuple[Array, Array, Array, Array],
-    weights: Array,
-    options: tuple[int, int, bool],
-    thickness: tuple[Array, float] | None,
-) -> tuple[Array, ...]:
+    s: Segments, nodes: Indices, geometry: tuple[Array, Array, Array, Array], weights: Array,
+    options: tuple[int, int, bool], thickness: tuple[Array, float] | None,
+) -> tuple[Array, ...]:  # fmt: skip
     """D, dD, M, dM, g, dg and cover of f facets, as in ``PlaneOperators`` (local).
 
     Args:

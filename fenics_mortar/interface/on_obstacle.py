@@ -29,20 +29,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.integrals import (
-    MortarInput,
-    PlaneOperators,
-    Segments,
-    share_of,
-    sum_over_facets,
-)
+from fenics_mortar.interface.integrals import PlaneOperators, Segments, share_of, sum_over_facets
 from fenics_mortar.interface.surfaces import outward_normals
 from fenics_mortar.kernels import facets
 from fenics_mortar.obstacles.rigid_motion import TURNS, by_further_motion, motion_between
-from fenics_mortar.utils.errors import call_together
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils import errors, ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.interface.integrals import MortarInput
     from fenics_mortar.interface.mortar import MortarOptions
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -133,13 +127,10 @@ def _points(given: OnFacets, obstacle: Obstacle, arm: float) -> tuple[Array, Arr
     W = weights * J
     phi, gradient, _ = obstacle.evaluate(at.reshape(-1, dim))
     V = obstacle.motions(at.reshape(-1, dim), arm).reshape(*J.shape, obstacle.place.size, dim)
-    shape = *J.shape, 2 * dim, dim * size + V.shape[2]
-    rows = np.zeros(shape, np.result_type(x, phi))
+    rows = np.zeros((*J.shape, 2 * dim, dim * size + V.shape[2]), np.result_type(x, phi))
     by_nodes = rows[..., : dim * size].reshape(*J.shape, 2 * dim, size, dim)
     gradient = gradient.reshape(at.shape)
-    dW = sum(
-        np.einsum("p,epc,kp->epkc", weights, slope, T[:, 1 + a].T) for a, slope in enumerate(slopes)
-    )
+    dW = sum(np.einsum("p,epc,kp->epkc", weights, v, T[:, 1 + a].T) for a, v in enumerate(slopes))
     if thickness is not None:
         theta = thickness[0] @ N
         dW = dW * theta[:, :, None, None]
@@ -148,8 +139,7 @@ def _points(given: OnFacets, obstacle: Obstacle, arm: float) -> tuple[Array, Arr
     by_nodes[:, :, dim - 1] = dW
     by_nodes[:, :, -1] = np.einsum("epc,kp->epkc", gradient, N)
     rows[..., -1, dim * size :] = -np.einsum("epc,epmc->epm", gradient, V)
-    values = np.stack([W, phi.reshape(J.shape)], axis=2).astype(rows.dtype)
-    return values, rows
+    return np.stack([W, phi.reshape(J.shape)], axis=2).astype(rows.dtype), rows
 
 
 def measures(x: Array, T: Array) -> tuple[Array, list[Array]]:
@@ -330,7 +320,7 @@ class ObstacleOperators(PlaneOperators):
         np.add.at(sums[0], nodes, change)
         np.add.at(sums[1], nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
         np.add.at(sums[2, :, 0], nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
-        sums = sum_over_ranks(self.slave.comm, sums)
+        sums = ranks.sum_over_ranks(self.slave.comm, sums)
         by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
         turned = -np.einsum("iab,kb->kia", TURNS[dim], forces) / self.arm
         by_nodes[:, dim:] -= turned
@@ -365,7 +355,7 @@ class ObstacleOperators(PlaneOperators):
         at = points_of(x[s.slave], points)
         distance = f"the distance of '{self.obstacle.name}'"
         evaluate = partial(self.obstacle.evaluate, at.reshape(-1, at.shape[2]))
-        return call_together(self.slave.comm, distance, evaluate)[0].reshape(at.shape[:2])
+        return errors.call_together(self.slave.comm, distance, evaluate)[0].reshape(at.shape[:2])
 
     def smallest_gaps(self, offset: Array) -> tuple[Array, Array]:
         """Smallest distance of each facet in space at nodes and points, and its place (collective).
@@ -403,7 +393,7 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
         nodes = slave.facets[facets]
         return normals, facets, integrate_facets(on_facets(given, x, nodes, rule), obstacle, arm)
 
-    normals, facets, of_facets = call_together(slave.comm, distance, of_share)
+    normals, facets, of_facets = errors.call_together(slave.comm, distance, of_share)
     phi, n, dn, dn_dq = normals
     if dim == 2:
         fixed = np.isfinite(planes[:, 0])
@@ -420,7 +410,7 @@ def evaluate_obstacle(given: MortarInput, obstacle: Obstacle, arm: float) -> Obs
         sums["diagonal"] = sums["weight"]
     dgap_dq = np.zeros(V.shape[:2])
     np.add.at(dgap_dq, nodes, by_motions)
-    dgap_dq = sum_over_ranks(slave.comm, dgap_dq)
+    dgap_dq = ranks.sum_over_ranks(slave.comm, dgap_dq)
     count, size, columns = dgap.shape
     return ObstacleOperators(
         slave=slave, master=master, x=x, m=master.X, n=n, dn=dn,

@@ -258,8 +258,7 @@ class Sight:
 
     def behind(self, x: Array) -> BodiesBehind:
         """The bodies behind the slave with nodes of ``outline`` at ``x`` (n, dim) (local)."""
-        arrays = self._arrays(x)
-        return BodiesBehind(self._safe, self._slave_bodies, self._master_bodies, arrays)
+        return BodiesBehind(self._safe, self._slave_bodies, self._master_bodies, self._arrays(x))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 import numpy as np
 
 from fenics_mortar.interface import reference
-from fenics_mortar.interface.faces import FacetPairs
+from fenics_mortar.interface.faces import Faces, FacetPairs
 from fenics_mortar.interface.integrals import MortarInput, choose_facets, sum_over_facets
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, MortarOperators, without_values
 from fenics_mortar.kernels.facets import BY_STANDARD, DUAL
@@ -51,15 +51,9 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices, summed
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.interface.faces import Faces
     from fenics_mortar.interface.mortar import BodiesBehind, ByEntries, MortarOptions
     from fenics_mortar.interface.reference import Basis
     from fenics_mortar.interface.surfaces import FaceRoles
-
-# Least eigenvalue of a scaled mass matrix over its largest [1] whose functions are independent:
-# rounding then changes its inverse by 2e-6, and the forces of a narrow cover by less than 1e-11 of
-# those of the surface. Covers of 1e-3 of a facet of nine nodes have 1e-12 and less.
-NARROW_COVER = 1e-10
 
 
 class Moments(NamedTuple):
@@ -201,8 +195,7 @@ class SpaceOperators(MortarOperators):
         """Blocks of dw/dd [1], w = row sums of D; rows: slave nodes, columns: displacement dofs."""
         if self.linearization.frozen:
             return []
-        by_weight = self._weights_and_gaps[0]
-        return [Block(self.facet_nodes, self.columns, self.H @ by_weight)]
+        return [Block(self.facet_nodes, self.columns, self.H @ self._weights_and_gaps[0])]
 
     def gap_derivative(self) -> list[Block]:
         """Blocks of dg/dd [length]; rows: slave nodes, columns: displacement dofs."""
@@ -396,29 +389,6 @@ class SpaceOperators(MortarOperators):
         return replace(self, gap=self.gap - jump[:, 0], offset=self.offset + offset)
 
 
-def inverse_of(Me: Array) -> Array:
-    """Inverses of mass matrices (f, K, K), [1 / area], zero without cover.
-
-    They are scaled by the diagonals: integrals of quadratic functions over a small cover may be
-    negative, the diagonals are not. Functions of nine nodes over a narrow cover, as along edges of
-    both sides that nearly coincide, depend on each other within rounding: these have the
-    generalized inverse. With the inverse dual functions would change at random between iterations,
-    and their sum would not be one; with the other it is one to 1e-12.
-    """
-    diagonal = np.einsum("fkk->fk", Me)
-    inverse, covered = np.zeros_like(Me), (diagonal > 0.0).all(axis=1)
-    root = np.sqrt(diagonal[covered])
-    scaled = Me[covered] / (root[:, :, None] * root[:, None])
-    try:
-        inverted = np.linalg.inv(scaled)
-    except np.linalg.LinAlgError:
-        inverted = np.full_like(scaled, np.inf)
-    narrow = ~(np.abs(inverted).max(axis=(1, 2), initial=0.0) < 1.0 / NARROW_COVER)
-    inverted[narrow] = np.linalg.pinv(scaled[narrow], rcond=NARROW_COVER, hermitian=True)
-    inverse[covered] = inverted / (root[:, :, None] * root[:, None])
-    return inverse
-
-
 # Smallest weight of a multiplier node after the hand-over, over that of its own function [1]: below
 # it functions of negative integral cancel most of its own, and the mean gap is no longer a mean.
 LEAST_WEIGHT = 0.5
@@ -471,7 +441,7 @@ def evaluate_space(given: MortarInput) -> SpaceOperators:
         s = find_pairs(slave, master, x, m, share, options, behind)
     nodes, rule = slave.facets[share], triangle_rule(options.points)
     De, Me, G, B, complete = _integrate((x, n, m), nodes, s, rule)
-    moments = Moments(De, Me, G, B, inverse_of(Me), complete)
+    moments = Moments(De, Me, G, B, reference.inverse_of(Me), complete)
     is_dual = options.kinds[0] == DUAL
     H = _hand_over(slave, nodes, moments, multiplier_nodes, options.basis)
     A = moments.De[:, :, None] * moments.inverse
@@ -513,9 +483,7 @@ def _constrained_twice(surface: Faces, roles: FaceRoles, s: FacetPairs) -> Flags
     """
     count = surface.num_nodes
     shape = (*s.slave.shape, s.master.shape[1])
-    nodes, masters = (
-        np.broadcast_to(side, shape) for side in (s.slave[:, :, None], s.master[:, None])
-    )
+    nodes, masters = (np.broadcast_to(a, shape) for a in (s.slave[:, :, None], s.master[:, None]))
     mine = np.unique(nodes * count + masters)
     if surface.comm.size > 1:
         mine = np.unique(np.concatenate(surface.comm.allgather(mine)))

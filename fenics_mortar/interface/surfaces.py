@@ -36,7 +36,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from mpi4py import MPI
 
@@ -50,15 +50,9 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface import reference
 from fenics_mortar.kernels.sight import tabulate_masters
 from fenics_mortar.kernels.space.normals import facets_around
-from fenics_mortar.mesh.space import cells_of_facets
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import summed
-from fenics_mortar.utils.errors import SurfaceError, count_points
-from fenics_mortar.utils.ranks import from_all_ranks
-
-if TYPE_CHECKING:
-    from fenics_mortar.mesh.space import DisplacementSpace, NodalThickness
-    from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers
+from fenics_mortar.mesh.space import DisplacementSpace, NodalThickness, cells_of_facets
+from fenics_mortar.utils import compat, errors, ranks
+from fenics_mortar.utils.arrays import Array, Flags, Indices, Numbers, summed
 
 # Fraction of the whole integral [1] below which a node carries no multiplier, for two integrals.
 # (1) Shape function times thickness, over the nodal area, which may become zero or negative after
@@ -320,14 +314,8 @@ def place_of_nodes(space: DisplacementSpace, nodes: Indices) -> dict[str, Any]:
     owned = np.flatnonzero((nodes >= begin) & (nodes < end))
     local_dofs = space.dofs[nodes[owned] - begin]
     dofs = replicate(local_dofs + space.first, owners, comm)
-    return {
-        "nodes": nodes,
-        "owners": owners,
-        "owned": owned,
-        "dofs": dofs,
-        "local_dofs": local_dofs,
-        "comm": comm,
-    }
+    place = {"nodes": nodes, "owners": owners, "owned": owned, "comm": comm}
+    return place | {"dofs": dofs, "local_dofs": local_dofs}
 
 
 def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
@@ -396,9 +384,9 @@ def tagged_facets(mesh: Any, facet_tags: Any, tags: Sequence[int], name: str) ->
     tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
     inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
     midpoints = dmesh.compute_midpoints(mesh, dim - 1, inside)[:, :dim]
-    count, where = count_points(mesh.comm, midpoints)
+    count, where = errors.count_points(mesh.comm, midpoints)
     if count:
-        raise SurfaceError(
+        raise errors.SurfaceError(
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
             f"one at {where}; expected facets of the outline of one body (in a crack, both faces "
             "have the same nodes there: gmsh's plugin Crack does not cut junctions of cracks)"
@@ -483,7 +471,7 @@ def facets_of_all_ranks(
     to_global = V.dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
     x = V.tabulate_dof_coordinates()[local, : V.mesh.geometry.dim]
     parts = to_global, x, values[local], to_global[number.reshape(mine.shape)]
-    nodes, X, of_nodes, facets = from_all_ranks(V.mesh.comm, parts)
+    nodes, X, of_nodes, facets = ranks.from_all_ranks(V.mesh.comm, parts)
     nodes, first = np.unique(nodes, return_index=True)
     return nodes, X[first], of_nodes[first], np.searchsorted(nodes, facets)
 

@@ -25,9 +25,7 @@ from fenics_mortar.interface.faces import extract_faces
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface, replicate, tagged_facets
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils import compat
-from fenics_mortar.utils.errors import SurfaceError, format_point
-from fenics_mortar.utils.ranks import sum_over_ranks
+from fenics_mortar.utils import compat, errors, ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.mesh.space import DisplacementSpace
@@ -137,7 +135,7 @@ class FieldTraces:
         """Values (owned dofs,) at ``dofs``, shape (d,) [their unit], on all ranks (collective)."""
         found = np.zeros(self.dofs.size)
         found[self._places] = values[self._mine]
-        return sum_over_ranks(self._comm, found)
+        return ranks.sum_over_ranks(self._comm, found)
 
     def add(self, values: Array, target: Array) -> None:
         """Add ``values`` (d, ...) at the dofs to those of this rank in ``target`` (local)."""
@@ -245,9 +243,7 @@ def _pairs(V: Any, T: Any) -> Iterator[tuple[Any, list[tuple[Any, float]]]]:
                 yield nodes[:, node], [(of_field[:, corner], share) for corner in corners]
 
 
-def extract_surface(
-    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
-) -> Any:
+def extract_surface(space: DisplacementSpace, facet_tags: Any, tags: list[int], name: str) -> Any:
     """Extract the facets of some tags as a ``Curve`` or as ``Faces`` (collective).
 
     Args:
@@ -279,8 +275,7 @@ def surfaces_of(pair: Any, space: DisplacementSpace, welds: Indices) -> tuple[An
         SurfaceError: On all ranks, if the surfaces share nodes other than tips of cracks.
     """
     tags = pair.data.facet_tags
-    extracted = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
-    slave = extracted.welded(welds)
+    slave = extract_surface(space, tags, pair.slave_tags, pair.slave_name).welded(welds)
     if pair.master is None:
         return slave, slave
     if isinstance(pair.master, Obstacle):
@@ -299,14 +294,14 @@ def _check_shared_nodes(slave: Any, master: Any) -> None:
     j, turns = turns_at_shared(slave, master)
     wrong = np.flatnonzero(~(turns < TURN))
     if slave.dim == 3 and wrong.size:
-        raise SurfaceError(
+        raise errors.SurfaceError(
             f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
-            f"{format_point(slave.X[j[wrong[0]]])}; expected surfaces of bodies that are not "
-            "joined in the mesh: `fragment` and `removeDuplicateNodes` join them, and cracks in "
-            "space are not supported"
+            f"{errors.format_point(slave.X[j[wrong[0]]])}; expected surfaces of bodies that are "
+            "not joined in the mesh: `fragment` and `removeDuplicateNodes` join them, and cracks "
+            "in space are not supported"
         )
     if wrong.size and set(slave.nodes) == set(master.nodes):
-        raise SurfaceError(
+        raise errors.SurfaceError(
             f"slave and master are the same surface, '{slave.name}': give the other one, or for "
             "contact of a surface with itself no master, ContactPair(data, slave)"
         )
@@ -318,10 +313,10 @@ def _check_shared_nodes(slave: Any, master: Any) -> None:
             if np.isnan(turns[wrong]).any()
             else "they meet at a corner of one body and do not face each other"
         )
-        raise SurfaceError(
+        raise errors.SurfaceError(
             f"slave '{slave.name}' and master '{master.name}' share {wrong.size} nodes, one at "
-            f"{format_point(slave.X[j[wrong[0]]])}; expected different surfaces that are not "
-            f"joined in the mesh: {reason}"
+            f"{errors.format_point(slave.X[j[wrong[0]]])}; expected different surfaces that are "
+            f"not joined in the mesh: {reason}"
         )
 
 

@@ -5,8 +5,8 @@ In addition to the state, with the history functions of the bodies, these are da
 solves: the weight of gaps after a cycle of active sets, offsets, the positions of obstacles for
 which the operators of small sliding were evaluated, and the slip counted by a model check.
 Partners of slave nodes follow from the state. A run continued from a checkpoint equals the
-uninterrupted one, except for the initial guess of its first step: ``follow_path`` extrapolates its
-own steps only.
+uninterrupted one, except for the initial guess of its first steps, which is extrapolated from the
+last states of the same run only.
 
 A checkpoint is compared with a problem by the names of the pairs, a digest of the cells and the
 coordinates of all nodes, which do not depend on the number of ranks. That of a motion continues the
@@ -31,9 +31,8 @@ from fenics_mortar.contact.interface import Reference, place_of
 from fenics_mortar.contact.law_calls import Instant
 from fenics_mortar.io.paraview import check_problem
 from fenics_mortar.mesh.space import mesh_by_input_node, set_by_input_node
+from fenics_mortar.utils import errors, files
 from fenics_mortar.utils.arrays import ROUNDING
-from fenics_mortar.utils.errors import MortarError, format_point
-from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 
 if TYPE_CHECKING:
     from fenics_mortar.problem import ContactProblem
@@ -62,12 +61,12 @@ def save_state(problem: ContactProblem, path: str | Path) -> None:
         MortarError: On all ranks, if the file cannot be written; an older file is kept.
     """
     file = _state_file(problem, path)
-    make_folder(problem.equations.comm, file.parent)
+    files.make_folder(problem.equations.comm, file.parent)
     data, first = _arrays_of(problem), problem.equations.comm.rank == 0
     if problem.equations.model_check is not None:
         data |= problem.equations.model_check.saved_data(problem)
-    write = partial(write_whole, file, lambda path: np.savez(path, **data))
-    try_together(problem.equations.comm, first, write, f"cannot write '{file}'")
+    write = partial(files.write_whole, file, lambda path: np.savez(path, **data))
+    files.try_together(problem.equations.comm, first, write, f"cannot write '{file}'")
 
 
 def load_state(problem: ContactProblem, path: str | Path) -> None:
@@ -83,11 +82,11 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     """
     file = _state_file(problem, path)
     first, message = problem.equations.comm.rank == 0, f"cannot read '{file}'"
-    data = try_together(problem.equations.comm, first, partial(_read_arrays, file), message)
+    data = files.try_together(problem.equations.comm, first, partial(_read_arrays, file), message)
     data = problem.equations.comm.bcast(data)
     wrong = next(_misfits(data, _arrays_of(problem)), "")
     if wrong:
-        raise MortarError(f"'{file}' {wrong}")
+        raise errors.MortarError(f"'{file}' {wrong}")
     bulk = problem.equations.bulk
     set_by_input_node(bulk.space, bulk.u, data["nodes"], data["u"])
     for i, contact in enumerate(problem.equations.contacts):
@@ -182,9 +181,8 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
         yield f"{other}: its nodes have other numbers"
     distance = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
     if not (distance <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
-        where = mine["x"][distance.argmax()]
-        far = distance.max()
-        yield f"{other}: its node at {format_point(where)} is {far:.3g} away from this position"
+        where, far = errors.format_point(mine["x"][distance.argmax()]), distance.max()
+        yield f"{other}: its node at {where} is {far:.3g} away from this position"
     same = [np.array_equal(data[n], mine[n]) for n in ("cells", "history_cells") if n in mine]
     if not all(same):
         yield f"{other}: its cells have other nodes"
@@ -198,11 +196,14 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
 def _state_file(problem: ContactProblem, path: str | Path) -> Path:
     """Path with the suffix .npz, which numpy requires; reject other objects (collective)."""
     check_problem(problem)
-    stem = without_suffix(problem.equations.comm, path, ".npz")
+    stem = files.without_suffix(problem.equations.comm, path, ".npz")
     return stem.with_name(f"{stem.name}.npz")
 
 
 def _read_arrays(file: Path) -> Arrays:
     """Read all arrays of an .npz file, without pickled objects (local)."""
     with np.load(file) as arrays:
-        return dict(arrays)
+        data = dict(arrays)
+    if MOTION in data:  # files of earlier versions do not have it
+        data.setdefault("largest_kinetic", np.array(0.0))
+    return data

@@ -32,20 +32,11 @@ from fenics_mortar.bulk.cells import DEGREES, lagrange, midpoint_of
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils import compat, errors
-from fenics_mortar.utils.files import (
-    MarkdownText,
-    make_folder,
-    markdown_table,
-    try_together,
-    without_suffix,
-    write_whole,
-)
-from fenics_mortar.utils.ranks import largest_over_ranks
+from fenics_mortar.utils import compat, errors, files, ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
-    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.obstacles.obstacle import Obstacle
     from fenics_mortar.utils.arrays import Array, Indices
 
@@ -84,7 +75,7 @@ def evaluated_contacts(problem: ContactProblem) -> list[Any]:
     return list(problem.equations.contacts)
 
 
-def surface_fields(contact: Contact | Tie, u: Array) -> dict[str, Array]:
+def surface_fields(contact: Interface, u: Array) -> dict[str, Array]:
     """Fields at the nodes of a slave surface by name, see ``ResultsWriter`` (collective).
 
     Args:
@@ -127,18 +118,13 @@ class CellField:
     """
 
     def __init__(
-        self,
-        problem: ContactProblem,
-        expression: Any,
-        name: str,
-        *,
-        rank: int = 2,
+        self, problem: ContactProblem, expression: Any, name: str, *, rank: int = 2,
         at_nodes: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._shape: tuple[int, ...] = ()
         work = partial(self._compile, problem.equations.bulk.V, expression, rank, at_nodes)
         message = f"field {name!r} cannot be evaluated"
-        self._values: Any = try_together(problem.equations.comm, True, work, message)
+        self._values: Any = files.try_together(problem.equations.comm, True, work, message)
 
     def _compile(self, V: Any, given: Any, rank: int, at_nodes: bool) -> Callable[[], Array]:
         """Function that returns the values in the cells (collective)."""
@@ -225,7 +211,7 @@ def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
     """Lower and upper corner of a box around deformed bodies, (dim,) [length] (collective)."""
     x = bulk.positions()
     ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
-    ends = largest_over_ranks(bulk.comm, ends)
+    ends = ranks.largest_over_ranks(bulk.comm, ends)
     dim = x.shape[1]
     return with_margin(-ends[:dim], ends[dim:])
 
@@ -328,7 +314,7 @@ def grid(low: Array, high: Array) -> tuple[Array, Array, Array]:
     return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def contact_table(problem: ContactProblem) -> MarkdownText:
+def contact_table(problem: ContactProblem) -> files.MarkdownText:
     """Markdown table of forces, active nodes, pressure and gap of each pair (collective).
 
     Forces act on the bodies [stress length], or on whole bodies of revolution [force]. The pressure
@@ -352,7 +338,7 @@ def contact_table(problem: ContactProblem) -> MarkdownText:
         gap_text = f"{gap.min() + 0.0:.2e}" if gap.size else "-"
         cells += [f"{contact.pressure.max() + 0.0:.4e}", gap_text]
         rows.append(cells)
-    return MarkdownText(markdown_table(head, rows, left=(0,)))
+    return files.MarkdownText(files.markdown_table(head, rows, left=(0,)))
 
 
 # Names in meshio by dimension and number of nodes.
@@ -439,16 +425,16 @@ class ResultsWriter:
         self._X = problem.equations.bulk.V.tabulate_dof_coordinates()[self._nodes]
         order = np.argsort(KINDS[self._dim, cells.shape[1]].order)  # of VTK
         self._cells = numbers.reshape(cells.shape)[:, order]
-        ranks = np.flatnonzero(self._comm.allgather(len(cells) > 0)).tolist()
+        writers = np.flatnonzero(self._comm.allgather(len(cells) > 0)).tolist()
         surfaces = _numbered([contact.slave.name for contact in problem.equations.contacts])
         obstacles = _numbered([obstacle.name for obstacle in problem.equations.motions.obstacles])
         self._blocks = [
-            *(_Block("bodies", f"rank {rank}", f"bodies_p{rank}", rank) for rank in ranks),
+            *(_Block("bodies", f"rank {rank}", f"bodies_p{rank}", rank) for rank in writers),
             *(_Block("surfaces", name, f"surface_{file}", 0) for name, file in surfaces),
             *(_Block("obstacles", name, f"obstacle_{file}", 0) for name, file in obstacles),
         ]
-        self._path = without_suffix(self._comm, path, ".pvd")
-        make_folder(self._comm, self._path)
+        self._path = files.without_suffix(self._comm, path, ".pvd")
+        files.make_folder(self._comm, self._path)
 
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` [time] (collective).
@@ -492,8 +478,8 @@ class ResultsWriter:
 
     def _write_file(self, rank: int, file: Path, write: Callable[[Path], Any]) -> None:
         """Write a file on a rank; an error is raised on all ranks (collective)."""
-        work = partial(write_whole, file, write)
-        try_together(self._comm, self._comm.rank == rank, work, f"cannot write '{file}'")
+        work = partial(files.write_whole, file, write)
+        files.try_together(self._comm, self._comm.rank == rank, work, f"cannot write '{file}'")
 
     def __enter__(self) -> ResultsWriter:
         """Return the writer."""
@@ -505,10 +491,10 @@ class ResultsWriter:
 
 def _numbered(names: list[str]) -> list[tuple[str, str]]:
     """Names of blocks and of files, numbered where they are equal (local)."""
-    files = [re.sub(r"\W+", "_", name) for name in names]
-    files = [n if files.count(n) == 1 else f"{n}_{i}" for i, n in enumerate(files)]
+    stems = [re.sub(r"\W+", "_", name) for name in names]
+    stems = [n if stems.count(n) == 1 else f"{n}_{i}" for i, n in enumerate(stems)]
     names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names)]
-    return list(zip(names, files, strict=True))
+    return list(zip(names, stems, strict=True))
 
 
 def pad(values: Array) -> Array:
@@ -528,12 +514,9 @@ def pad(values: Array) -> Array:
 
 
 def _piece(
-    X: Array,
-    cells: Indices,
-    dim: int,
-    point_data: dict[str, Array],
+    X: Array, cells: Indices, dim: int, point_data: dict[str, Array],
     cell_data: dict[str, Array] | None = None,
-) -> Any:
+) -> Any:  # fmt: skip
     """Mesh of one rank: points (n, d), cells in the order of VTK, values at both (local)."""
     import meshio
 

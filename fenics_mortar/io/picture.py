@@ -13,8 +13,7 @@ import numpy as np
 from fenics_mortar.bulk.cells import OUTLINE
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.io import paraview, solids
-from fenics_mortar.utils.errors import check_kind, check_number, together
-from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
+from fenics_mortar.utils import errors, files
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
@@ -73,7 +72,7 @@ def plot(
     """
     paraview.check_problem(problem)
     comm = problem.equations.comm
-    with together(comm, "plot"):
+    with errors.together(comm, "plot"):
         _check(path, scale, units, limits, ax, first=comm.rank == 0)
         if stress is not None:
             paraview.check_name(label)
@@ -82,8 +81,8 @@ def plot(
     )
     file = None
     if comm.bcast(path is not None):
-        file = without_suffix(comm, "" if path is None else path, ".png")
-        make_folder(comm, file.parent)
+        file = files.without_suffix(comm, "" if path is None else path, ".png")
+        files.make_folder(comm, file.parent)
     style = solids.Style(None if stress is None else label, title, scale, units, limits, cmap)
     parts = _gathered_facets(problem, values, scale)
     contacts = [c for c in paraview.evaluated_contacts(problem) if not isinstance(c, Tie)]
@@ -93,11 +92,10 @@ def plot(
         facets = solids.Facets(*(np.concatenate(each) for each in zip(*parts, strict=True)))
         axes = draw_bodies(problem, ax, facets, contacts, style)
         if file is not None:
-            write_whole(file.with_name(f"{file.name}.png"), partial(_save, axes.figure))
+            files.write_whole(file.with_name(f"{file.name}.png"), partial(_save, axes.figure))
 
-    try_together(
-        comm, comm.rank == 0, draw, "cannot draw" if file is None else f"cannot draw '{file}.png'"
-    )
+    message = "cannot draw" if file is None else f"cannot draw '{file}.png'"
+    files.try_together(comm, comm.rank == 0, draw, message)
 
 
 def _save(figure: Any, path: Any) -> None:
@@ -133,12 +131,9 @@ def _gathered_facets(problem: ContactProblem, values: Array | None, scale: float
 
 
 def draw_section(
-    problem: ContactProblem,
-    ax: Any,
-    facets: solids.Facets,
-    contacts: list[Any],
+    problem: ContactProblem, ax: Any, facets: solids.Facets, contacts: list[Any],
     style: solids.Style,
-) -> Any:
+) -> Any:  # fmt: skip
     """Draw plane bodies into axes, or into new ones; see ``draw_solids`` (local)."""
     low, high = facets.rings.min(axis=(0, 1)), facets.rings.max(axis=(0, 1))
     axes = _new_axes(high - low) if ax is None else ax
@@ -149,13 +144,11 @@ def draw_section(
     if style.label is not None:
         bodies.set(**solids.colours(facets.values, style))
         inset = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
-        bar = axes.figure.colorbar(bodies, cax=inset, label=style.label)
-        bar.outline.set_visible(False)
+        axes.figure.colorbar(bodies, cax=inset, label=style.label).outline.set_visible(False)
     _draw_obstacles(axes, problem.equations.motions.obstacles, *paraview.with_margin(low, high))
     _draw_pressure(axes, contacts, style, 0.1 * float(np.sqrt(np.prod(high - low))))
-    solids.label_axes(
-        axes, "rz" if problem.equations.bulk.space.is_axisymmetric else "xy", style, 6
-    )
+    names = "rz" if problem.equations.bulk.space.is_axisymmetric else "xy"
+    solids.label_axes(axes, names, style, 6)
     _finish_axes(axes)
     return axes
 
@@ -163,10 +156,10 @@ def draw_section(
 def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bool) -> None:
     """Reject arguments of ``plot`` (local)."""
     if path is not None:
-        check_kind("path", path, (str, Path), "the name of a file")
+        errors.check_kind("path", path, (str, Path), "the name of a file")
     elif first and ax is None:
         raise ValueError("path=None: expected the name of a file, or axes as ax")
-    check_number("scale", scale, "a finite number", np.isfinite)
+    errors.check_number("scale", scale, "a finite number", np.isfinite)
     if units is not None and not (
         isinstance(units, (tuple, list)) and [type(unit) for unit in units] == [str, str]
     ):

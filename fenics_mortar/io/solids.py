@@ -28,11 +28,10 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.interface.surfaces import outward_nodes
 from fenics_mortar.mesh.space import cells_of_facets
-from fenics_mortar.utils.arrays import at_rows
+from fenics_mortar.utils.arrays import Array, Indices, at_rows
 
 if TYPE_CHECKING:
     from fenics_mortar.problem import ContactProblem
-    from fenics_mortar.utils.arrays import Array, Indices
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
 # Bodies without a field, in space by turns.
@@ -296,9 +295,8 @@ def _by_pyvista(axes: Any, facets: Facets, faces: Array, thin: float, markers: l
 
         def draw(self, renderer: Any) -> None:
             pixels, sheet = _pixels(axes, points), axes.figure.bbox.size
-            low, high = (
-                np.clip(end(pixels, axis=0), -sheet, 2 * sheet) for end in (np.min, np.max)
-            )
+            ends = [pixels.min(axis=0), pixels.max(axis=0)]
+            low, high = np.clip(ends, -sheet, 2 * sheet)
             frame = Frame(axes, low, renderer.get_image_magnification())
             size = np.ceil((high - low) * frame.larger).astype(int)
             known = frame.larger, *size, np.round(pixels - low, 6).tobytes()
@@ -424,10 +422,8 @@ def _draw_largest_pressures(axes: Any, contacts: list[Any], style: Style) -> lis
     markers = []
     for contact in contacts:
         if contact.pressure.max() > 0.0:
-            X, x = (
-                places[contact.pressure.argmax()]
-                for places in (contact.slave.X, contact.operators.x)
-            )
+            k = contact.pressure.argmax()
+            X, x = contact.slave.X[k], contact.operators.x[k]
             label = pressure_label(contacts, contact, style)
             place = X + style.scale * (x - X)
             look = {"markersize": 5, "color": PRESSURE, "zorder": 10}

@@ -32,16 +32,9 @@ of a surface. The derivatives are those of Popp, Gee & Wall (2009).
 
 import numpy as np
 
-from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels import kernel, projection
 from fenics_mortar.kernels.blocks import dot2
 from fenics_mortar.kernels.facets import facet_work, integrate_facet
-from fenics_mortar.kernels.projection import (
-    gather,
-    interpolate,
-    segment_ends,
-    slave_to_master,
-    tabulate_shapes,
-)
 
 
 @kernel
@@ -76,10 +69,10 @@ def differentiate_point(y, s, w, ends, dends, N, L, table, at):
     count, rows = N.shape[1], table[at]
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     xi = c + h * s
-    _, alpha = slave_to_master(y, xi, N, L)
-    n, b = interpolate(y, 1, N, 0), interpolate(y, 1, N, 1)
-    t, k = interpolate(y, 0, N, 1), interpolate(y, 0, N, 2)
-    a = interpolate(y, 2, L, 1)
+    _, alpha = projection.slave_to_master(y, xi, N, L)
+    n, b = projection.interpolate(y, 1, N, 0), projection.interpolate(y, 1, N, 1)
+    t, k = projection.interpolate(y, 0, N, 1), projection.interpolate(y, 0, N, 2)
+    a = projection.interpolate(y, 2, L, 1)
     size, J = np.sqrt(dot2(n, n)), np.sqrt(dot2(t, t))
     along = n[0] * a[1] - n[1] * a[0]
     p = n[1] / along, -n[0] / along
@@ -181,7 +174,7 @@ def tabulate_functions(bounds, work, B, at_nodes):
     """
     (low, high), (N, T) = bounds, work
     count = B.shape[0]
-    tabulate_shapes(0.5 * (low + high), N)
+    projection.tabulate_shapes(0.5 * (low + high), N)
     for j in range(count):
         scale = 1.0
         for p in range(count):
@@ -232,8 +225,8 @@ def tabulate_points(geometry, nodes, segments, rule, move_ends, thickness, work,
     beyond, at_edge, T_edges, edge_rows = edges
     number = masters.shape[0]
     for i in range(number):
-        gather(x, n, m, nodes, masters[i], y[i])
-        segment_ends(y[i], end_is_fixed[i], found[i], N, ends[i], dends[i])
+        projection.gather(x, n, m, nodes, masters[i], y[i])
+        projection.segment_ends(y[i], end_is_fixed[i], found[i], N, ends[i], dends[i])
         if not move_ends:
             dends[i] = 0.0
     if thickness is not None:
@@ -281,7 +274,7 @@ def points_work(most, count, example):
 
 
 @kernel
-def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
+def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness):
     """Fill ``cover`` (f, K) with the integrals of N over the covered parts [length].
 
     ``x`` (n, 2), ``facets`` (f, K), ``ends`` (s, 2); others as in ``integrate_segments``.
@@ -291,14 +284,14 @@ def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
     y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
     cover[:] = 0.0
     for e in range(facets.shape[0]):
-        gather(x, x, x, facets[e], facets[e], y)
+        projection.gather(x, x, x, facets[e], facets[e], y)
         if thickness is not None:
             gather_thickness(x, facets[e], thickness, theta)
         for i in range(offsets[e], offsets[e + 1]):
             c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
             for p in range(spans[i, 0], spans[i, 1]):
-                tabulate_shapes(c + h * points[p], N)
-                t = interpolate(y, 0, N, 1)
+                projection.tabulate_shapes(c + h * points[p], N)
+                t = projection.interpolate(y, 0, N, 1)
                 J = np.sqrt(dot2(t, t))
                 if thickness is not None:
                     J = J * thickness_at(theta, N, 0)

@@ -26,16 +26,8 @@ separate the bodies, see ``sight``. The test is skipped up to a safe depth of ea
 
 import numpy as np
 
-from fenics_mortar.kernels import kernel, sight
+from fenics_mortar.kernels import kernel, projection, sight
 from fenics_mortar.kernels.blocks import copy_row, copy_rows, grown, sort_rows
-from fenics_mortar.kernels.projection import (
-    gather,
-    interpolate,
-    master_to_slave,
-    side_of_ray,
-    slave_to_master,
-    tabulate_shapes,
-)
 from fenics_mortar.kernels.sight import keep_masters, touch_in_a_point
 from fenics_mortar.kernels.tree import build_tree, query_tree
 from fenics_mortar.utils.arrays import ROUNDING
@@ -49,17 +41,17 @@ def find_interval(y, N, is_node):
     """
     size = y.size // 3
     x, n, m = y[:size], y[size : 2 * size], y[2 * size :]
-    first_1 = side_of_ray(x[:2], n[:2], m[:2])
-    first_2 = side_of_ray(x[:2], n[:2], m[-2:])
-    second_1 = side_of_ray(x[-2:], n[-2:], m[:2])
-    second_2 = side_of_ray(x[-2:], n[-2:], m[-2:])
+    first_1 = projection.side_of_ray(x[:2], n[:2], m[:2])
+    first_2 = projection.side_of_ray(x[:2], n[:2], m[-2:])
+    second_1 = projection.side_of_ray(x[-2:], n[-2:], m[:2])
+    second_2 = projection.side_of_ray(x[-2:], n[-2:], m[-2:])
     is_node[0], is_node[1] = first_2 <= 0.0, second_1 >= 0.0
     if (not is_node[0] and second_2 >= 0.0) or (not is_node[1] and first_1 <= 0.0):
         return False, 1.0, -1.0
     if (is_node[0] and first_1 <= 0.0) or (is_node[1] and second_2 >= 0.0):
         return False, 1.0, -1.0
-    lower = -1.0 if is_node[0] else master_to_slave(y, N.shape[1] - 1, N)
-    upper = 1.0 if is_node[1] else master_to_slave(y, 0, N)
+    lower = -1.0 if is_node[0] else projection.master_to_slave(y, N.shape[1] - 1, N)
+    upper = 1.0 if is_node[1] else projection.master_to_slave(y, 0, N)
     return True, lower, upper
 
 
@@ -71,9 +63,9 @@ def gap_if_facing(y, xi, shapes, min_cosine):
     [1].
     """
     N, L = shapes
-    _, alpha = slave_to_master(y, xi, N, L)
-    nx, ny = interpolate(y, 1, N, 0)
-    ax, ay = interpolate(y, 2, L, 1)
+    _, alpha = projection.slave_to_master(y, xi, N, L)
+    nx, ny = projection.interpolate(y, 1, N, 0)
+    ax, ay = projection.interpolate(y, 2, L, 1)
     size = np.sqrt(nx * nx + ny * ny)
     if not -(nx * ay - ny * ax) >= min_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
@@ -185,7 +177,7 @@ def facet_segments(
     for hit in range(hits.size):
         if roles is not None and touch_in_a_point(roles[3], roles[0][number], hits[hit]):
             continue
-        gather(x, n, m, slave, master_facets[hits[hit]], y)
+        projection.gather(x, n, m, slave, master_facets[hits[hit]], y)
         meets, lower, upper = find_interval(y, N, is_node)
         if not meets:
             continue
@@ -235,9 +227,9 @@ def ray_hits(y, N, is_start, tolerance):
     """
     at = 4 * N.shape[1]
     x, n = np.empty(2), np.empty(2)
-    x[0], x[1] = interpolate(y, 0, N, 0)
-    n[0], n[1] = interpolate(y, 1, N, 0)
-    first, last = side_of_ray(x, n, y[at : at + 2]), side_of_ray(x, n, y[-2:])
+    x[0], x[1] = projection.interpolate(y, 0, N, 0)
+    n[0], n[1] = projection.interpolate(y, 1, N, 0)
+    first, last = projection.side_of_ray(x, n, y[at : at + 2]), projection.side_of_ray(x, n, y[-2:])
     return last <= tolerance and first > (-tolerance if is_start else tolerance)
 
 
@@ -260,9 +252,9 @@ def point_partners(
     partners[:], safe = -1, behind[0][e]
     distances = np.full(points.size, np.inf)
     for hit in hits:
-        gather(x, n, m, slave, master_facets[hit], y)
+        projection.gather(x, n, m, slave, master_facets[hit], y)
         for p in range(points.size):
-            tabulate_shapes(points[p], N)
+            projection.tabulate_shapes(points[p], N)
             if not ray_hits(y, N, starts[master_facets[hit, 0]], tolerance):
                 continue
             gap = gap_if_facing(y, points[p], (N, L), min_cosine)

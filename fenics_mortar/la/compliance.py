@@ -18,9 +18,8 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.la.solver import column_groups, factored_bulk, factored_by_cholmod, supported
 from fenics_mortar.la.sparse import SomeRows, is_indefinite, schur_complement
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import SOLVED, Array, Indices
-from fenics_mortar.utils.errors import MortarError, raise_together
-from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -99,9 +98,8 @@ class Compliance:
             Displacements, zero at prescribed dofs, shape (size, k) [length].
         """
         count, loads = forces.shape[0], self._loads(forces)
-        moved = PETSc.Mat().createDense(
-            ((self._bulk.num_owned, None), (None, count)), comm=self._bulk.comm
-        )
+        sizes = (self._bulk.num_owned, None), (None, count)
+        moved = PETSc.Mat().createDense(sizes, comm=self._bulk.comm)
         moved.setUp()
         moved.assemble()
         self._factors.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), moved)
@@ -109,7 +107,7 @@ class Compliance:
         values[self._numbers] = moved.getDenseArray()[self._local]
         loads.destroy()
         moved.destroy()
-        return sum_over_ranks(self._bulk.comm, values)
+        return ranks.sum_over_ranks(self._bulk.comm, values)
 
     def _loads(self, forces: csr_array) -> PETSc.Mat:
         """Forces (k, size) as rows (k, dofs), all on rank 0, as MUMPS requires (collective)."""
@@ -209,11 +207,9 @@ class Compliance:
         moved, force = self._bulk.K.createVecs()
         moved.array[self._bulk.prescribed_dofs] = -change
         self._bulk.K.mult(moved, force)
-        response = self._dofs.gather(self.solve(force).array_r)
+        response = np.where(self._dofs.free, self._dofs.gather(self.solve(force).array_r), 0.0)
         self._changes = np.vstack([self._changes, change])
-        self._responses_to_changes = np.vstack(
-            [self._responses_to_changes, np.where(self._dofs.free, response, 0.0)]
-        )
+        self._responses_to_changes = np.vstack([self._responses_to_changes, response])
 
 
 def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> tuple[Array, PETSc.PC]:
@@ -231,8 +227,8 @@ def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> tuple[Array, PETS
     try:
         A = _inverse(A) if A.size else A
     except LinAlgError:
-        error = MortarError("the stiffness of the bodies is singular")
-    raise_together(bulk.comm, error)
+        error = errors.MortarError("the stiffness of the bodies is singular")
+    errors.raise_together(bulk.comm, error)
     if bulk.comm.rank == 0 and rest.size < dofs.size:
         A, free = np.zeros((dofs.size, dofs.size)), A
         A[np.ix_(dofs.free, dofs.free)] = free

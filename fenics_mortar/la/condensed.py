@@ -45,30 +45,19 @@ from scipy.sparse import csr_array
 
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.kernels.blocks import gather_forces
+from fenics_mortar.la import sparse
 from fenics_mortar.la.coupling import zero_block
 from fenics_mortar.la.options import SMALL, Algorithm, SolverName, costs_of, iterative
-from fenics_mortar.la.sparse import (
-    BlockMatrix,
-    Entries,
-    Product,
-    SomeRows,
-    add_blocks,
-    flatten,
-    packed,
-    packed_rows,
-    summed_rows,
-    with_rows,
-)
 from fenics_mortar.la.system import LinearSystem, SaddleSystem, renumbered
-from fenics_mortar.utils import errors
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import Array, summed
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.mortar import Block
+    from fenics_mortar.la.sparse import Entries
 
 
 class ContactColumns:
@@ -89,7 +78,7 @@ class ContactColumns:
         entries: Rows, columns and values of the entries [1] in the columns of this rank.
     """
 
-    def __init__(self, system: LinearSystem, rows: SomeRows, entries: Entries) -> None:
+    def __init__(self, system: LinearSystem, rows: sparse.SomeRows, entries: Entries) -> None:
         self._comm, self._rows, self._size = system.comm, rows, system.num_z_dofs
         first, (i, j, v) = system.first_z_dof, entries
         if self._comm.size > 1:
@@ -106,14 +95,14 @@ class ContactColumns:
         i, j, v = self.entries
         product = summed(v * values[j], i, self._rows.rows.size)
         if self._comm.size > 1:
-            product = sum_over_ranks(self._comm, product)
+            product = ranks.sum_over_ranks(self._comm, product)
         return product[self._rows.numbers]
 
     def transposed_times(self, values: Array) -> Array:
         """R^T w [unit of w], for ``values`` w of the owned contact dofs (collective)."""
         everywhere = np.zeros(self._rows.rows.size)
         everywhere[self._rows.numbers] = values
-        everywhere = sum_over_ranks(self._comm, everywhere)
+        everywhere = ranks.sum_over_ranks(self._comm, everywhere)
         i, j, v = self.entries
         return summed(v * everywhere[i], j, self._size)
 
@@ -140,7 +129,9 @@ class CondensedSystem(LinearSystem):
         size = bulk.num_owned
         touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
         touched += [flux.dofs for c in contacts for flux in c.fluxes]
-        self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
+        self._rows = sparse.SomeRows(
+            np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size
+        )
         self._rows_of_sides = [
             [self._rows.number(side.dofs) for side in (c.slave, c.master)] for c in contacts
         ]
@@ -175,9 +166,9 @@ class CondensedSystem(LinearSystem):
     def _add_to_tangent(self, C: list[Block]) -> PETSc.Mat:
         """The matrix in place of K, whose pattern has all entries (collective)."""
         K = self.bulk.tangent_to_change()
-        add_blocks(K, self.force_derivative())
+        sparse.add_blocks(K, self.force_derivative())
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
-        add_blocks(K, C, self._product(self._slave_K.getValuesCSR()))
+        sparse.add_blocks(K, C, self._product(self._slave_K.getValuesCSR()))
         return K
 
     def _without_pattern(self, C: list[Block]) -> PETSc.Mat:
@@ -185,7 +176,9 @@ class CondensedSystem(LinearSystem):
         K, size = self.bulk.K, self.bulk.num_dofs
         self._free_matrix(K)
         bounds = K.getOwnershipRanges()
-        K_c = summed_rows(self.comm, bounds, [packed(self.force_derivative(), None, size)])
+        K_c = sparse.summed_rows(
+            self.comm, bounds, [sparse.packed(self.force_derivative(), None, size)]
+        )
         of_bulk, shape = K.createSubMatrix(self._slave_rows), (self.num_z_dofs, size)
         starts, columns, values = of_bulk.getValuesCSR()
         of_contact = csr_array(K_c[::-1], shape=(self.bulk.num_owned, size))[self._slave_dofs]
@@ -198,14 +191,16 @@ class CondensedSystem(LinearSystem):
         del columns, values, of_contact
         sizes = (self.num_z_dofs, None), (self.bulk.num_owned, None)
         self._slave_K = PETSc.Mat().createAIJ(sizes, csr=csr, comm=self.comm)
-        rest = packed(C, self._product(csr), size)
-        change = summed_rows(self.comm, bounds, [packed_rows(K_c, self.bulk.first), rest])
-        return with_rows(K, change)
+        rest = sparse.packed(C, self._product(csr), size)
+        change = sparse.summed_rows(
+            self.comm, bounds, [sparse.packed_rows(K_c, self.bulk.first), rest]
+        )
+        return sparse.with_rows(K, change)
 
-    def _product(self, slave_csr: tuple[Any, ...]) -> Product:
+    def _product(self, slave_csr: tuple[Any, ...]) -> sparse.Product:
         """R K_S, given the rows K_S of this rank."""
         starts, columns, values = slave_csr
-        return Product(self._R.entries, (starts, columns, values), self._rows.rows)
+        return sparse.Product(self._R.entries, (starts, columns, values), self._rows.rows)
 
     def _collect_rows(self, pair_rows: Sequence[Rows], inverses: Sequence[Array]) -> None:
         """Diagonals of Z and A_z and right-hand sides of the multipliers owned here (local)."""
@@ -222,15 +217,14 @@ class CondensedSystem(LinearSystem):
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         rows, size = self._rows, self.bulk.num_owned
         of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
-        small = BlockMatrix(self.comm, rows.local.size, size).assemble(
-            rows.renumbered(self.derivative_zeros())
-        )
+        zeros_of_K = rows.renumbered(self.derivative_zeros())
+        small = sparse.BlockMatrix(self.comm, rows.local.size, size).assemble(zeros_of_K)
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
-        zeros_of_R = flatten(rows.renumbered(self._R_zeros()))
-        R = BlockMatrix(self.comm, rows.local.size, self.num_z_dofs).assemble_entries(
-            *map(np.append, R_entries, zeros_of_R)
+        all_of_R = map(np.append, R_entries, sparse.flatten(rows.renumbered(self._R_zeros())))
+        R = sparse.BlockMatrix(self.comm, rows.local.size, self.num_z_dofs).assemble_entries(
+            *all_of_R
         )
         product = R.matMult(slave_K)
         small.axpy(1.0, product, different)
@@ -260,8 +254,7 @@ class CondensedSystem(LinearSystem):
         for (contact, z_dofs), Z in zip(self.numbered(), inverses, strict=True):
             if contact.fluxes:
                 blocks = renumbered((flux.by_multipliers() for flux in contact.fluxes), z_dofs, -Z)
-                more = flatten(self._rows.renumbered(blocks))
-                i, j, v = map(np.append, (i, j, v), more)
+                i, j, v = map(np.append, (i, j, v), sparse.flatten(self._rows.renumbered(blocks)))
         return i, j, v
 
     def _R_zeros(self) -> Iterator[Block]:
@@ -307,20 +300,18 @@ class CondensedSystem(LinearSystem):
         rhs += np.bincount(slave, h, rhs.size)  # a node may be a slave of several pairs
         rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self.solver.solve(self.matrix, rhs)
-        forces = _times(self._slave_K, dd)
+        forces = compat.products(self._slave_K, dd[None])[0]
         return np.concatenate([dd, self._Z * (f[slave] - forces)])
 
     def _solve_transposed(self, a: Array, b: Array) -> Array:
         """Solve A^T x = [a, b] (collective)."""
         prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         t = self._Z * b
-        w = self.solver.solve(
-            self.matrix, a - _times(self._slave_K, t, transpose=True), transpose=True
-        )
+        rhs = a - compat.products(self._slave_K, t[None], transpose=True)[0]
+        w = self.solver.solve(self.matrix, rhs, transpose=True)
         at_prescribed, w[prescribed] = self._prescribed_scale * w[prescribed], 0.0
         y = w.copy()
-        gathered = t + self._R.transposed_times(w[self._rows.local])
-        np.add.at(y, slave, gathered)
+        np.add.at(y, slave, t + self._R.transposed_times(w[self._rows.local]))
         if self._partly_prescribed:
             b = b - self._prescribed_columns().transposed_times(y[self._rows.local])
         multipliers = np.where(self._Z == 0.0, self._solve_left_out(b), w[slave])
@@ -333,23 +324,11 @@ class CondensedSystem(LinearSystem):
 
     def _prescribed_columns(self) -> ContactColumns:
         """B^T for prescribed components of acting multipliers (collective)."""
-        blocks = chain.from_iterable(
-            renumbered(contact.load_blocks(), z_dofs, 1.0 - contact.components.free)
-            for contact, z_dofs in self.numbered()
+        loads = (
+            renumbered(c.load_blocks(), z, 1.0 - c.components.free) for c, z in self.numbered()
         )
-        return ContactColumns(self, self._rows, flatten(self._rows.renumbered(blocks)))
-
-
-def _times(matrix: PETSc.Mat, values: Array, *, transpose: bool = False) -> Array:
-    """Product of a matrix, or its transpose, with the local part of a vector (collective)."""
-    right, left = matrix.createVecs()
-    source, target = (left, right) if transpose else (right, left)
-    source.array[:] = values
-    (matrix.multTranspose if transpose else matrix.mult)(source, target)
-    product = target.array_r.copy()
-    right.destroy()
-    left.destroy()
-    return product
+        blocks = self._rows.renumbered(chain.from_iterable(loads))
+        return ContactColumns(self, self._rows, sparse.flatten(blocks))
 
 
 def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
@@ -370,8 +349,7 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
             carry = other.components.some_carry
             if np.intersect1d(candidates, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
-            both = np.intersect1d(candidates, other.slave.nodes[carry])
-            if both.size and other is not contact:
+            if np.intersect1d(candidates, other.slave.nodes[carry]).size and other is not contact:
                 return f"slave nodes of {names} are slaves of '{other.master.name}', too"
             lacking = ~(carry if other is contact else other.components.all_carry)
             if np.intersect1d(candidates, other.slave.nodes[lacking]).size:
@@ -380,14 +358,9 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
 
 
 def system_of(
-    bulk: Bulk,
-    contacts: Sequence[Interface],
-    prefix: str,
-    options: dict[str, Any] | None,
-    algorithm: Algorithm | None,
-    solver: SolverName,
-    linear_bulk: bool | None,
-) -> Callable[[], LinearSystem]:
+    bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any] | None,
+    algorithm: Algorithm | None, solver: SolverName, linear_bulk: bool | None,
+) -> Callable[[], LinearSystem]:  # fmt: skip
     """A function that creates the linear system of a problem; see ``ContactProblem``.
 
     Args:

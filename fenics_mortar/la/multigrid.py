@@ -58,20 +58,10 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.solver import Preconditioner
+from fenics_mortar.la import touching
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, is_symmetric
-from fenics_mortar.la.touching import (
-    Strip,
-    dofs_of,
-    rigid_motions_along,
-    tangential_axes,
-    touching_tangent,
-    turned_axes,
-    with_neighbours,
-)
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, ranks
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, summed
-from fenics_mortar.utils.ranks import any_over_ranks, on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -152,7 +142,7 @@ IDLE_STIFFNESS = 1e-2
 MIN_WEIGHT = 1e-2
 
 
-class ContactPreconditioner(Preconditioner):
+class ContactPreconditioner:
     """A preconditioner for PETSc (``pc_type python``); all methods are collective.
 
     Args:
@@ -166,6 +156,8 @@ class ContactPreconditioner(Preconditioner):
         by: " by" and the name of a cycle other than hypre's.
     """
 
+    by = ""
+
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int | None
     ) -> None:
@@ -173,7 +165,7 @@ class ContactPreconditioner(Preconditioner):
         self._condensed = multipliers is None
         size, block_size = bulk.num_owned, bulk.space.block_size
         self._idle, self._R = (BlockMatrix(bulk.comm, size, size, block_size) for _ in range(2))
-        self._strip = Strip(bulk, f"{prefix}strip_", multipliers or 0)
+        self._strip = touching.Strip(bulk, f"{prefix}strip_", multipliers or 0)
         self._contact_dofs: Any = None
         self._loaded = np.empty(0, np.int64)  # dofs of the parts that the cycle was built for
         self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
@@ -220,8 +212,7 @@ class ContactPreconditioner(Preconditioner):
                 nodes have left the contact since, it is as stiff as if they were still in it.
         """
         bulk, contacts = self._bulk, self._contacts
-        surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
-        dofs = dofs_of(surfaces)
+        dofs = touching.dofs_of([surface for c in contacts for surface in (c.slave, c.master)])
         if bulk.space.dim == 3:
             everywhere = bulk.comm.allgather([d for c in contacts for d in _loaded_dofs(c)])
             loaded = np.unique(np.concatenate([np.empty(0, np.int64), *chain(*everywhere)]))
@@ -233,7 +224,7 @@ class ContactPreconditioner(Preconditioner):
         if self._contact_dofs is not None:
             has_all = bool(np.isin(dofs, self._contact_dofs).all())
             same = dofs.size == self._contact_dofs.size or self._keeps_factors()
-            if on_all_ranks(bulk.comm, has_all and same):
+            if ranks.on_all_ranks(bulk.comm, has_all and same):
                 return
         self._contact_dofs = dofs
         self._strip.move_to(dofs)
@@ -284,8 +275,7 @@ class ContactPreconditioner(Preconditioner):
         idle = self._idle.assemble(self._idle_blocks(nodes))
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._separate_sliding_bodies(B)
-        prescribed = (self._prescribed + first).astype(PETSc.IntType)
-        B.zeroRowsColumns(prescribed, diag=1.0)
+        B.zeroRowsColumns((self._prescribed + first).astype(PETSc.IntType), diag=1.0)
         self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
         self._cycle.setFromOptions()
@@ -294,7 +284,7 @@ class ContactPreconditioner(Preconditioner):
         self._cycle.setOperators(B)
         if self._cycle.getPC().getType() == "gamg":
             self.by = " by PETSc's gamg" + ("" if compat.petsc_has("hypre") else ", without hypre")
-            B.setNearNullSpace(rigid_motions_along(self._axes, self._bulk, B))
+            B.setNearNullSpace(touching.rigid_motions_along(self._axes, self._bulk, B))
         self._cycle.setUp()
         if not reduced and self._cycle.getPC().getType() == "hypre":
             self._cycle.getPC().setReusePreconditioner(True)
@@ -311,7 +301,7 @@ class ContactPreconditioner(Preconditioner):
         axes = self._axes[self._bulk.space.owned_dofs[:, 0]]
         transforms = self._motion.mat, self._equations.mat
         of_nodes = self._bulk.diagonal.reshape(-1, axes.shape[1]).max(axis=1, initial=0.0)
-        B = touching_tangent(tangent, self._near, *transforms, axes, of_nodes)
+        B = touching.touching_tangent(tangent, self._near, *transforms, axes, of_nodes)
         if tangent is not A:
             tangent.destroy()
         return B
@@ -320,7 +310,7 @@ class ContactPreconditioner(Preconditioner):
         """Drop the coupling of tangential motions of the bodies of a contact, see the module."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
             free = _slide(contact)
-            for axis in tangential_axes(contact):
+            for axis in touching.tangential_axes(contact):
                 master = contact.master.local_dofs[free, axis] + self._bulk.first
                 # at the tip of a crack cells on the slave have nodes of the master
                 slave = slave[~np.isin(slave[:, axis], master)]
@@ -373,7 +363,7 @@ class ContactPreconditioner(Preconditioner):
 
     def _turn_axes(self) -> None:
         """Set R."""
-        self._axes = turned_axes(self._bulk, self._contacts)
+        self._axes = touching.turned_axes(self._bulk, self._contacts)
         dofs = self._bulk.space.owned_dofs
         globals_ = dofs + self._bulk.first
         self._R.assemble([Block(globals_, globals_, self._axes[dofs[:, 0]])])
@@ -419,7 +409,7 @@ class ContactPreconditioner(Preconditioner):
             entries = zip(*contact.force_entries(), strict=True)
             dofs, j, values = (np.concatenate(parts) for parts in entries)
             own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
-            weight = sum_over_ranks(slave.comm, summed(values[own], j[own], slave.num_nodes))
+            weight = ranks.sum_over_ranks(slave.comm, summed(values[own], j[own], slave.num_nodes))
             weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, share = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, share[:, None, None], followed[j]
@@ -439,7 +429,8 @@ def _digits(reduction: float) -> float:
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
     """Global dofs (n, dim) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
-    return dofs[np.isin(dofs[:, 0], with_neighbours(bulk, dofs_of([surface]), 1))] + bulk.first
+    near = touching.with_neighbours(bulk, touching.dofs_of([surface]), 1)
+    return dofs[np.isin(dofs[:, 0], near)] + bulk.first
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
@@ -464,4 +455,4 @@ def _slide(contact: Interface) -> Flags:
     s = contact.operators.segments
     stuck = np.isin(contact.master.nodes, contact.slave.nodes)
     stuck[s.master[contact.sticking[s.slave].any(axis=1)]] = True
-    return ~any_over_ranks(contact.master.comm, stuck)[contact.master.owned]
+    return ~ranks.any_over_ranks(contact.master.comm, stuck)[contact.master.owned]

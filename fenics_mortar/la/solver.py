@@ -8,7 +8,6 @@ the factors of an earlier matrix as preconditioner.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
@@ -120,9 +119,8 @@ def factored_bulk(bulk: Bulk, prefix: str, rest: Indices | None = None) -> PETSc
 
 def supported(bulk: Bulk) -> PETSc.Mat:
     """The bulk tangent with the prescribed dofs fixed (collective)."""
-    prescribed = PETSc.IS().createGeneral(
-        (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType), bulk.comm
-    )
+    rows = (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType)
+    prescribed = PETSc.IS().createGeneral(rows, bulk.comm)
     K = bulk.K.copy()
     K.zeroRowsColumns(prescribed, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -175,31 +173,10 @@ MIN_LAGGED = 500
 # PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
     number: name
-    for name, number in vars(PETSc.KSP.ConvergedReason).items()
+    for name, number in vars(REASON).items()
     if name.isupper() and isinstance(number, int)
 }
-NO_FACTORS = (
-    PETSc.KSP.ConvergedReason.DIVERGED_NANORINF,
-    PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED,
-)
-
-
-class Preconditioner(ABC):
-    """A preconditioner for PETSc (``pc_type python``); all methods are collective.
-
-    Attributes:
-        by: " by" and the name of what it uses, "" for the usual.
-    """
-
-    by = ""
-
-    @abstractmethod
-    def begin_solve(self, tolerance: float, *, same_step: bool) -> None:
-        """Set the relative tolerance of the next solve, and whether the last one is of its step."""
-
-    @abstractmethod
-    def forget_pattern(self) -> None:
-        """Drop what belongs to the sparsity pattern of the matrix."""
+NO_FACTORS = (REASON.DIVERGED_NANORINF, REASON.DIVERGED_PCSETUP_FAILED)
 
 
 class LinearSolver:
@@ -235,12 +212,9 @@ class LinearSolver:
     """
 
     def __init__(
-        self,
-        comm: MPI.Comm,
-        prefix: str,
-        options: dict[str, Any],
-        preconditioner: Callable[[], Preconditioner],
-    ) -> None:
+        self, comm: MPI.Comm, prefix: str, options: dict[str, Any],
+        preconditioner: Callable[[], Any],
+    ) -> None:  # fmt: skip
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
         self.forcing, self.may_factor, self.remark, self.reason = 0.0, False, "", ""
         self.same_step = self.long_factors = False
@@ -266,7 +240,7 @@ class LinearSolver:
             what = str(of_petsc).splitlines()[-1].removeprefix(f"[{PETSc.COMM_WORLD.rank}] ")
             error = MortarError(f"PETSc rejected an option '{self._prefix}...': {what}")
         raise_together(self._comm, error)
-        self.multigrid: Preconditioner | None = None
+        self.multigrid: Any = None
         if self.ksp.getPC().getType() == "python":
             self.multigrid = self._make_preconditioner()
             self.ksp.getPC().setPythonContext(self.multigrid)
@@ -359,11 +333,9 @@ class LinearSolver:
         self._reset()  # MUMPS does not factorize again after a failure
         if not self.may_factor:
             raise MortarError(f"the linear system was not solved{failure}")
-        failed, then = (
-            ("the iterative solver", "directly")
-            if self._pivots
-            else ("elimination without pivoting", "by MUMPS")
-        )
+        failed, then = "elimination without pivoting", "by MUMPS"
+        if self._pivots:
+            failed, then = "the iterative solver", "directly"
         self.remark = f"{failed} failed{failure}; all further linear systems are solved {then}"
         self._switch_to_mumps(f"{failed} failed")
         return self.solve(matrix, rhs, transpose=transpose)
@@ -463,11 +435,9 @@ class LinearSolver:
         Direct solvers read options when factors of a new pattern are made.
         """
         error = None
-        context = (
-            options_added(self._prefix, self._options, self._used if self._first else None)
-            if self._reads_options or not self._is_direct
-            else nullcontext()
-        )
+        used = self._used if self._first else None
+        reads = self._reads_options or not self._is_direct
+        context = options_added(self._prefix, self._options, used) if reads else nullcontext()
         try:
             with context:
                 self._call(rhs, solution, transpose)
@@ -518,11 +488,9 @@ class LinearSolver:
 
 
 def _defect(
-    multiply: Callable[[PETSc.Vec, PETSc.Vec], None],
-    rhs: PETSc.Vec,
-    solution: PETSc.Vec,
+    multiply: Callable[[PETSc.Vec, PETSc.Vec], None], rhs: PETSc.Vec, solution: PETSc.Vec,
     defect: PETSc.Vec,
-) -> float:
+) -> float:  # fmt: skip
     """Set ``defect`` to the residual; return its norm."""
     multiply(solution, defect)
     defect.aypx(-1.0, rhs)

@@ -40,9 +40,8 @@ from fenics_mortar.la.coupling import MARGIN, MAX_MARGIN, Coupling, zero_block
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks, packed, summed_rows, with_rows
+from fenics_mortar.utils import compat, ranks
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.compat import return_free_memory
-from fenics_mortar.utils.ranks import on_all_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -85,16 +84,12 @@ class LinearSystem(ABC):
         numbers = np.empty(owners.size, np.int64)
         numbers[np.argsort(owners, kind="stable")] = np.arange(owners.size)
         parts = np.split(numbers, np.cumsum([c.z.size for c in contacts])[:-1])
-        self.z_dofs: list[Indices] = [
-            part.reshape(c.z.shape) for part, c in zip(parts, contacts, strict=False)
-        ]
+        each = zip(parts, contacts, strict=False)
+        self.z_dofs: list[Indices] = [part.reshape(c.z.shape) for part, c in each]
         self.all_z_dofs = owners.size
         self.num_z_dofs = int((owners == self.comm.rank).sum())
         self.first_z_dof = int((owners < self.comm.rank).sum())
-        self._numbered = [
-            (contact, z_dofs, contact.slave.owned, self.local(contact, z_dofs))
-            for contact, z_dofs in self.numbered()
-        ]
+        self._numbered = [(c, z, c.slave.owned, self.local(c, z)) for c, z in self.numbered()]
         rows = self.num_z_dofs if self.has_multipliers else None
         self.reason = ""
         self.solver = LinearSolver(
@@ -189,7 +184,7 @@ class LinearSystem(ABC):
         for _, z_dofs, owned, local in self._numbered:
             values = np.zeros(z_dofs.shape)
             values[owned] = mine[local]
-            z.append(values if self.comm.size == 1 else sum_over_ranks(self.comm, values))
+            z.append(values if self.comm.size == 1 else ranks.sum_over_ranks(self.comm, values))
         return x[: self.bulk.num_owned].copy(), z
 
     # Blocks
@@ -254,11 +249,9 @@ class LinearSystem(ABC):
                 coupled = coupled | flux.conducts
             if not coupling.contains(*now[i], coupled):
                 fits, self._margins[i] = False, min(2 * self._margins[i], MAX_MARGIN)
-        if on_all_ranks(self.comm, fits):
+        if ranks.on_all_ranks(self.comm, fits):
             return False
-        self._couplings = [
-            Coupling(*state, margin) for state, margin in zip(now, self._margins, strict=True)
-        ]
+        self._couplings = [Coupling(*state, m) for state, m in zip(now, self._margins, strict=True)]
         self._pattern = self.bulk.num_patterns
         return True
 
@@ -275,7 +268,7 @@ class LinearSystem(ABC):
             self.ksp.setOperators(K)
             self.matrix = PETSc.Mat()
             self.bulk.free_garbage()
-            return_free_memory()
+            compat.return_free_memory()
 
     def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k times those of the identity (collective).
@@ -360,11 +353,9 @@ class SaddleSystem(LinearSystem):
 
     def _numbered_blocks(self, parts: Iterable[Part]) -> Iterator[Block]:
         """Blocks for the whole matrix."""
-        for row_kind, column_kind, blocks in parts:
-            for rows, columns, values in blocks:
-                yield Block(
-                    self._number(row_kind, rows), self._number(column_kind, columns), values
-                )
+        for of_rows, of_columns, blocks in parts:
+            for i, j, values in blocks:
+                yield Block(self._number(of_rows, i), self._number(of_columns, j), values)
 
     def _parts(self) -> Iterator[Part]:
         """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
@@ -413,8 +404,7 @@ class SaddleSystem(LinearSystem):
             blocks = self._numbered_blocks(self._parts())
             self._free_matrix(K)
             rows = packed(blocks, None, K.getSize()[1])
-            bounds = K.getOwnershipRanges()
-            self.matrix = with_rows(K, summed_rows(self.comm, bounds, [rows]))
+            self.matrix = with_rows(K, summed_rows(self.comm, K.getOwnershipRanges(), [rows]))
         K.destroy()
         self._scales = self.collect(c.components.scale for c in self.contacts)
         self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
@@ -444,22 +434,17 @@ class SaddleSystem(LinearSystem):
 
         The tolerance of an iterative solver is therefore relative to the residual.
         """
-        size = self.bulk.num_owned
         rhs = self._scale_rows(self.join(self._newton_force(distance), self._law_rhs))
-        present, product = self.matrix.createVecs()
-        present.array[size:] = self.collect(c.z for c in self.contacts) / self._scales
-        self.matrix.mult(present, product)
-        x = self.solver.solve(self.matrix, rhs - product.array_r) + present.array_r
-        present.destroy()
-        product.destroy()
-        return self._scale_multipliers(x)
+        z = self.collect(c.z for c in self.contacts) / self._scales
+        present = np.append(np.zeros(self.bulk.num_owned), z)
+        product = compat.products(self.matrix, present[None])[0]
+        return self._scale_multipliers(self.solver.solve(self.matrix, rhs - product) + present)
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
         """Solve with the saddle-point system; see ``LinearSystem.solve`` (collective)."""
         if transpose:
-            return self._scale_rows(
-                self.solver.solve(self.matrix, self._scale_multipliers(b), transpose=True)
-            )
+            scaled = self._scale_multipliers(b)
+            return self._scale_rows(self.solver.solve(self.matrix, scaled, transpose=True))
         return self._scale_multipliers(self.solver.solve(self.matrix, self._scale_rows(b)))
 
     def _scale_rows(self, b: Array) -> Array:

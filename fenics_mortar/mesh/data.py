@@ -346,10 +346,9 @@ def _check_component(component: Any, dim: int) -> None:
 
 
 def _dirichlet_in_sub_space(
-    sub_space: fem.FunctionSpace,
-    facets: Numbers,
+    sub_space: fem.FunctionSpace, facets: Numbers,
     value: fem.Constant | fem.Function | npt.ArrayLike,
-) -> fem.DirichletBC:
+) -> fem.DirichletBC:  # fmt: skip
     """Prescribe all components in a sub-space, which needs a function (collective)."""
     dim = sub_space.mesh.geometry.dim
     if isinstance(value, fem.Constant):

@@ -202,8 +202,7 @@ def check_hanging_nodes_in_space(x: Array, cells: Indices, facets: Indices, tags
 def _outline(cells: Indices, kind: Kind, num_points: int) -> Indices:
     """Corners of the facets of one cell only, shape (f, corners) (local)."""
     facets = facets_of(cells, kind).reshape(-1, len(kind.facets[0]))
-    codes = codes_of(facets, num_points)
-    _, first, count = np.unique(codes, return_index=True, return_counts=True)
+    _, first, count = np.unique(codes_of(facets, num_points), return_index=True, return_counts=True)
     return np.asarray(facets[first[count == 1]])
 
 

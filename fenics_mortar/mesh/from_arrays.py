@@ -186,8 +186,7 @@ def checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> CheckedArr
     tag_of_body, tag_of_boundary = (
         {name: tag for tag, name in enumerate(some, 1)} for some in (bodies, boundaries)
     )
-    num_nodes = nodes.shape[1]
-    tagged = Tagged(dim, num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
+    tagged = Tagged(dim, nodes.shape[1], tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
     return CheckedArrays(x, nodes, tagged)
 
 

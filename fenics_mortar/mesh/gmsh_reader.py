@@ -20,13 +20,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mesh.from_arrays import (
-    CheckedArrays,
-    Tagged,
-    check_different,
-    check_joined,
-    from_rank,
-)
+from fenics_mortar.mesh import from_arrays
 from fenics_mortar.mesh.space import KINDS
 from fenics_mortar.utils.arrays import ROUNDING, Array, Indices, Numbers
 from fenics_mortar.utils.errors import MeshError, refuse_in_space
@@ -127,7 +121,9 @@ class GmshMesh:
             return np.empty((0, 2), np.int64), np.empty(0, np.int32)
         return np.concatenate(nodes), np.concatenate(tags)
 
-    def given(self, bodies: dict[str, int], boundaries: dict[str, int]) -> CheckedArrays:
+    def given(
+        self, bodies: dict[str, int], boundaries: dict[str, int]
+    ) -> from_arrays.CheckedArrays:
         """The mesh as arrays with names of its groups, after ``renumber_nodes``.
 
         Raises:
@@ -140,11 +136,13 @@ class GmshMesh:
         corners = len(KINDS[dim, cells.shape[1]].facets[0])
         facets, tags = self.tagged_elements(dim - 1)
         ends = np.sort(facets[:, :corners], axis=1) if tags.size else np.empty((0, corners), int)
-        tagged = Tagged(dim, cells.shape[1], bodies, boundaries, body_of_cell, ends, tags)
+        tagged = from_arrays.Tagged(
+            dim, cells.shape[1], bodies, boundaries, body_of_cell, ends, tags
+        )
         x = self.x[np.argsort(self.tags), :dim]
-        check_different(x, cells)
-        check_joined(x, cells, ends, tags)
-        return CheckedArrays(x, cells, tagged)
+        from_arrays.check_different(x, cells)
+        from_arrays.check_joined(x, cells, ends, tags)
+        return from_arrays.CheckedArrays(x, cells, tagged)
 
     def renumber_nodes(self) -> None:
         """Renumber the nodes from 1 without gaps, in the order of their numbers."""
@@ -286,8 +284,7 @@ def _read_names(file: GmshMesh, section: str) -> None:
 
 
 def _read_entities(file: GmshMesh, numbers: _Numbers) -> None:
-    counts = numbers.read(SIZE, 4)
-    for dim, count in enumerate(counts):
+    for dim, count in enumerate(numbers.read(SIZE, 4)):
         for _ in range(count):
             tag = int(numbers.read(INT)[0])
             numbers.read(DOUBLE, 6 if dim else 3)  # bounding box, or a point
@@ -380,7 +377,7 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
                 gmsh.model.mesh.generate(2)
             data = read_gmsh(gmsh.model, comm)
     """
-    return from_rank("read_gmsh", comm, rank, lambda: _checked(_mesh_of(source)))
+    return from_arrays.from_rank("read_gmsh", comm, rank, lambda: _checked(_mesh_of(source)))
 
 
 def _mesh_of(source: str | Path | Any) -> GmshMesh:
@@ -397,7 +394,7 @@ def _mesh_of(source: str | Path | Any) -> GmshMesh:
     return read_msh(Path(source))
 
 
-def _checked(mesh: GmshMesh) -> CheckedArrays:
+def _checked(mesh: GmshMesh) -> from_arrays.CheckedArrays:
     """The mesh as arrays with the names of its bodies and boundaries (local)."""
     _check_cells(mesh)
     _check_nodes(mesh)

@@ -43,7 +43,7 @@ def check_geometry(geometry: Any, thickness: Any) -> None:
             "thickness with geometry='axisymmetric': the thickness of a body of revolution is "
             "2 pi r; expected None"
         )
-    if thickness is not None and not callable(thickness):
+    if thickness is not None and not errors.is_function(thickness):
         expected = "a positive length, or a function of reference positions (n, 2)"
         errors.check_number("thickness", thickness, expected, lambda t: 0.0 < t < np.inf)
 
@@ -125,11 +125,6 @@ class NodalThickness:
         """Thickness of some of the nodes (k,)."""
         return NodalThickness(self.constant[nodes], self.by_x)
 
-    @property
-    def for_kernels(self) -> tuple[Array, float]:
-        """Constant part (nodes,) [length] and derivative [1], for the kernels."""
-        return self.constant, self.by_x
-
 
 def thickness_of(geometry: Geometry, thickness: Given) -> Thickness | None:
     """Thickness of a problem; ``None`` if it is one everywhere (local)."""
@@ -188,6 +183,12 @@ class DisplacementSpace:
     def is_mixed(self) -> bool:
         """Whether there are unknowns other than the displacement (local)."""
         return self.block_size == 1 and self.whole.num_sub_spaces > 0
+
+    @cached_property
+    def fields(self) -> dict[int, tuple[Any, Indices]]:
+        """Other parts of a mixed space: a space of its own, and its local dofs (collective)."""
+        parts = set(range(self.whole.num_sub_spaces if self.is_mixed else 0)) - {self.part}
+        return {part: compat.collapsed(self.whole.sub(part)) for part in sorted(parts)}
 
     @property
     def is_axisymmetric(self) -> bool:
@@ -315,9 +316,7 @@ class Kind:
             named += [frozenset(range(8))] if self.corners == 8 else []
             places |= {entity: self.corners + i for i, entity in enumerate(named)}
         topology = basix.topology(getattr(basix.CellType, self.name))
-        found = [
-            frozenset(self.vertices[v] for v in around) for same in topology for around in same
-        ]
+        found = [frozenset(self.vertices[v] for v in ends) for same in topology for ends in same]
         return [places[entity] for entity in found if entity in places]
 
 
@@ -448,8 +447,7 @@ def set_by_cell(function: Any, vertices: Indices, values: Array) -> Array:
     rows = _rows_among(_vertices(V.mesh), vertices)
     assert rows is not None, "another mesh"
     dofs, found = compat.dofmap(V), np.zeros(function.x.array.size)
-    mine = values[rows]
-    found.reshape(-1, V.dofmap.bs)[dofs] = mine.reshape(*dofs.shape, V.dofmap.bs)
+    found.reshape(-1, V.dofmap.bs)[dofs] = values[rows].reshape(*dofs.shape, V.dofmap.bs)
     return found
 
 
@@ -521,8 +519,7 @@ def mesh_by_input_node(mesh: Any) -> tuple[Indices, Array]:
 
 def numbered_dofs(V: Any) -> tuple[Indices, Indices]:
     """Local blocked dofs at nodes of the mesh input, and the numbers of these, each (n,)."""
-    layout = V.dofmap.dof_layout
-    if len(layout.entity_dofs(0, 0)) != 1:
+    if len(V.dofmap.dof_layout.entity_dofs(0, 0)) != 1:
         raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
     dofs, geometry = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
     corners = compat.num_corners(V.mesh)

@@ -26,36 +26,17 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.cells import Triangles, triangulate
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.general import restored_if_interrupted
+from fenics_mortar.equations.general import State, restored_if_interrupted
 from fenics_mortar.interface.facing import linear_facets, nearest_on_chords, nearest_points
 from fenics_mortar.la.solver import factored
-from fenics_mortar.models.model_error import (
-    QUANTITIES,
-    Assumption,
-    SolutionQuantities,
-    differences,
-    take_steps,
-)
-from fenics_mortar.obstacles.shapes import directions_across
+from fenics_mortar.models import model_error
+from fenics_mortar.obstacles.revolved import directions_across
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import EPSILON, Array, Indices
-from fenics_mortar.utils.errors import (
-    MeshError,
-    MortarError,
-    RaisedElsewhereError,
-    check_direction,
-    check_kind,
-    check_same_texts,
-    check_vector,
-    format_point,
-    together,
-)
-from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.equations.general import State
 
 PREFIX = "fenics_mortar_lift_"
 # Distance of nodes from the plane model over its size [1] above which they are not part of it:
@@ -77,8 +58,8 @@ class Section:
     """
 
     def __init__(self, axis: Any, first: Any, origin: Any, *, revolved: bool = False) -> None:
-        self.revolved, self._origin = revolved, check_vector("origin", origin, 3)
-        self.axis = check_direction("axis", axis)
+        self.revolved, self._origin = revolved, errors.check_vector("origin", origin, 3)
+        self.axis = errors.check_direction("axis", axis)
         self._across = None if revolved else directions_across(axis, first)
 
     def coordinates(self, X: Array) -> Array:
@@ -100,8 +81,7 @@ class Section:
         """Place (x, y, angle) of an obstacle as one in space, (6,) [length, radian]."""
         if self.revolved:
             return np.append(place[1] * self.axis, np.zeros(3))
-        moved = self.in_space(np.zeros((1, 3)), place[None, :2])[0]
-        return np.append(moved, place[2] * self.axis)
+        return np.append(self.in_space(np.zeros((1, 3)), place[None, :2])[0], place[2] * self.axis)
 
     def _directions(self, X: Array) -> tuple[Array, Array]:
         """e_1 and e_2 at points (n, 3), shape (n, 3) each [1]; e_r is zero on the axis."""
@@ -120,7 +100,7 @@ class Lift:
     """A plane problem as a part of a problem in space; the constructor is collective.
 
     Its solution becomes a state of the problem in space. Positions of the problem in space have
-    coordinates of the section, as in ``obstacles.shapes``: with the unit vectors e_1, e_2 and
+    coordinates of the section, as in ``obstacles.revolved``: with the unit vectors e_1, e_2 and
     a = e_1 x e_2 along the axis of extrusion, or e_1 = e_r and e_2 along the axis of revolution,
 
         u(X) = u_1 e_1 + u_2 e_2 + s e_a a,    z(X) = (z_1 e_1 + z_2 e_2) / (1 + e_a),
@@ -214,17 +194,16 @@ class Lift:
         parts = floating.parts[: len(self._X)]
         inside = np.zeros((len(self._bodies), floating.num_parts))
         for number, body in enumerate(self._bodies):
-            found = body.interpolate(body.X, self._points)
-            in_body = np.isfinite(found[:, 0])
+            in_body = np.isfinite(body.interpolate(body.X, self._points)[:, 0])
             inside[number] = np.bincount(parts[in_body], minlength=floating.num_parts)
-        best = sum_over_ranks(comm, inside).argmax(axis=0)[parts]
+        best = ranks.sum_over_ranks(comm, inside).argmax(axis=0)[parts]
         farthest = np.zeros(1)
         for number, body in enumerate(self._bodies):
             _, distances = extrapolate(body, body.X, self._points[best == number])
             farthest[0] = max(farthest[0], distances.max(initial=0.0))
-        farthest = largest_over_ranks(comm, farthest)
+        farthest = ranks.largest_over_ranks(comm, farthest)
         if farthest[0] > OUTSIDE * self._size:
-            raise MeshError(
+            raise errors.MeshError(
                 f"a node in space is {farthest[0]:.3g} away from the bodies of the plane problem: "
                 "expected bodies whose section it is; see axis, first and origin of InSpace"
             )
@@ -243,10 +222,10 @@ class Lift:
         away = np.einsum("jk,jkc->jc", shares, curve.X[ends]) - points
         farthest = int(np.hypot(*away.T).argmax())
         if np.hypot(*away[farthest]) > OUTSIDE * self._size:
-            raise MeshError(
-                f"slave '{solid.slave.name}': the node at {format_point(solid.slave.X[farthest])} "
-                f"is not on '{curve.name}' of the plane problem: expected the same pairs in the "
-                "same order, with the same roles"
+            raise errors.MeshError(
+                f"slave '{solid.slave.name}': the node at "
+                f"{errors.format_point(solid.slave.X[farthest])} is not on '{curve.name}' of the "
+                "plane problem: expected the same pairs in the same order, with the same roles"
             )
         return ends, shares
 
@@ -304,7 +283,7 @@ class InSpace:
         strain: Any | None = None,
     ) -> None:
         """Check the arguments; slip is counted from the present state of the problem."""
-        check_kind("problem", problem, ContactProblem, "a ContactProblem in space")
+        errors.check_kind("problem", problem, ContactProblem, "a ContactProblem in space")
         space = problem.equations.bulk.space
         if space.dim != 3:
             raise ValueError("problem of InSpace: expected one on a mesh of solids")
@@ -314,7 +293,9 @@ class InSpace:
                 "problem does not determine: expected the displacement alone"
             )
         if strain is not None:
-            check_kind("strain", strain, ufl.core.expr.Expr, "a scalar UFL expression, or None")
+            errors.check_kind(
+                "strain", strain, ufl.core.expr.Expr, "a scalar UFL expression, or None"
+            )
             if strain.ufl_shape != ():
                 raise ValueError(f"strain has the shape {strain.ufl_shape}: expected a scalar")
         if problem.equations.bulk.history.is_used:
@@ -335,7 +316,7 @@ class InSpace:
             ValueError, MortarError: On all ranks, if it is not, or options differ between ranks.
         """
         comm, theirs = plane.equations.comm, self._solid.equations.comm
-        with together(comm, "InSpace"):
+        with errors.together(comm, "InSpace"):
             if plane.equations.bulk.space.dim != 2:
                 raise ValueError("in_space: expected a problem in the plane, this one is in space")
             if MPI.Comm.Compare(comm, theirs) not in (MPI.IDENT, MPI.CONGRUENT):
@@ -350,40 +331,43 @@ class InSpace:
                 raise ValueError("strain of InSpace with geometry='axisymmetric': expected None")
         self._section(plane)
         frame = {name: np.asarray(value, float).tolist() for name, value in self._frame.items()}
-        check_same_texts(comm, "InSpace", {**frame, "strain": self._strain is not None})
+        errors.check_same_texts(comm, "InSpace", {**frame, "strain": self._strain is not None})
 
-    def estimate(self, plane: ContactProblem) -> Assumption:
+    def estimate(self, plane: ContactProblem) -> model_error.Assumption:
         """Errors of a solved plane model, from steps of the problem in space (collective).
 
         The states of both problems are restored.
         """
         with self._at_lifted(plane) as solid:
-            lifted = SolutionQuantities.of(solid)
+            lifted = model_error.SolutionQuantities.of(solid)
             try:
-                errors = take_steps(solid, lifted, solid)
-                change = self._change(lifted, SolutionQuantities.of(solid))
-            except RaisedElsewhereError:
+                found = model_error.take_steps(solid, lifted, solid)
+                change = self._change(lifted, model_error.SolutionQuantities.of(solid))
+            except errors.RaisedElsewhereError:
                 raise
-            except MortarError:  # the model in space fails: the plane one is not known to do
-                errors, change = dict.fromkeys(QUANTITIES, np.inf), "the steps in space fail"
+            except errors.MortarError:  # the model in space fails: the plane one is not known to do
+                found = dict.fromkeys(model_error.QUANTITIES, np.inf)
+                change = "the steps in space fail"
         self.follow(plane)
-        return Assumption(self._name(plane), change, errors)
+        return model_error.Assumption(self._name(plane), change, found)
 
-    def compare(self, plane: ContactProblem) -> Assumption:
+    def compare(self, plane: ContactProblem) -> model_error.Assumption:
         """True errors of a solved plane model, if the problem in space is solved too (collective).
 
         Raises:
             MortarError: On all ranks, if it is not.
         """
         if not self._solid.equations.last_converged:
-            raise MortarError("compare(): the problem in space is not solved; call its solve()")
-        solved = SolutionQuantities.of(self._solid)
+            raise errors.MortarError(
+                "compare(): the problem in space is not solved; call its solve()"
+            )
+        solved = model_error.SolutionQuantities.of(self._solid)
         with self._at_lifted(plane) as solid:
-            lifted = SolutionQuantities.of(solid)
+            lifted = model_error.SolutionQuantities.of(solid)
             solid.equations.bulk.values[: solved.u.size] = solved.u
             solid.equations.bulk.u.x.scatter_forward()
-            errors = differences(solid, lifted, solved)
-        return Assumption(self._name(plane), self._change(lifted, solved), errors)
+            found = model_error.differences(solid, lifted, solved)
+        return model_error.Assumption(self._name(plane), self._change(lifted, solved), found)
 
     def follow(self, plane: ContactProblem) -> None:
         """Count slip from the present state of a plane problem (collective)."""
@@ -396,7 +380,9 @@ class InSpace:
         """Context with the problem in space at the lifted solution; its state is restored."""
         solid, kept = self._solid, self._solid.state()
         if solid.equations.bulk.inertia is not None:
-            raise MortarError("InSpace: the problem in space has a Dynamics; expected statics")
+            raise errors.MortarError(
+                "InSpace: the problem in space has a Dynamics; expected statics"
+            )
         with restored_if_interrupted(solid.equations):  # also if this is while it is restored
             try:
                 solid.restore(kept.counting_slip_from(self.start).replaced(converged=True))
@@ -420,10 +406,12 @@ class InSpace:
         kind = "plane strain" if self._strain is None else "plane stress"
         return "axisymmetric" if plane.equations.bulk.space.is_axisymmetric else kind
 
-    def _change(self, lifted: SolutionQuantities, solved: SolutionQuantities) -> str:
+    def _change(
+        self, lifted: model_error.SolutionQuantities, solved: model_error.SolutionQuantities
+    ) -> str:
         """Describe how a solution in space differs from that of the plane (collective)."""
         change = np.abs(solved.u - lifted.u).max(initial=0.0)
-        (largest,) = largest_over_ranks(self._solid.equations.comm, np.array([change]))
+        (largest,) = ranks.largest_over_ranks(self._solid.equations.comm, np.array([change]))
         return f"displacement in space differs by {largest:.2g}"
 
 

@@ -136,10 +136,8 @@ class ModelCheck:
 
         Shape (slave nodes,), in space (slave nodes, 3), each [length].
         """
-        slips = [
-            self._slips.get(contact, np.empty(0)) for contact in problem.equations.floating.contacts
-        ]
-        return {f"slips{i}": slip for i, slip in enumerate(slips)}
+        contacts = problem.equations.floating.contacts
+        return {f"slips{i}": self._slips.get(c, np.empty(0)) for i, c in enumerate(contacts)}
 
     def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
         """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
@@ -170,9 +168,8 @@ class ModelCheck:
         if len(richer) > 1:
             everything = {key: value for model in richer.values() for key, value in model.items()}
             name = " and ".join(richer)
-            yield model_error.Assumption(
-                name, "", model_error.estimate(problem, self._variant(problem, name, everything))
-            )
+            errors = model_error.estimate(problem, self._variant(problem, name, everything))
+            yield model_error.Assumption(name, "", errors)
 
     def _variant(self, problem: ContactProblem, name: str, model: dict[str, Any]) -> ContactProblem:
         if name not in self._richer:
@@ -186,9 +183,7 @@ class ModelCheck:
             if obstacle in self._elastic:
                 yield model_error.rigid_obstacle(problem, self._elastic[obstacle])
             else:
-                known = (
-                    f"stiffness ratio {ratio:.2g}" if ratio is not None else "no stiffness_ratio"
-                )
+                known = "no stiffness_ratio" if ratio is None else f"stiffness ratio {ratio:.2g}"
                 error = np.nan if ratio is None else ratio
                 yield model_error.Assumption(
                     f"rigid {obstacle}", known, dict.fromkeys(model_error.QUANTITIES, error)

@@ -45,6 +45,7 @@ from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import polar
+from fenics_mortar.utils import files, ranks
 from fenics_mortar.utils.errors import (
     MeshError,
     MortarError,
@@ -54,8 +55,6 @@ from fenics_mortar.utils.errors import (
     check_same_texts,
     together,
 )
-from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.utils.ranks import agreed, largest_over_ranks, sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.problem import ContactProblem
@@ -73,7 +72,7 @@ def largest_strain(problem: ContactProblem) -> tuple[float, float]:
     if bulk.space.is_axisymmetric:
         strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
     mine = np.array([np.abs(values).max(initial=0.0) for values in (angles_of(R), strains)])
-    rotation, strain = largest_over_ranks(problem.equations.comm, mine)
+    rotation, strain = ranks.largest_over_ranks(problem.equations.comm, mine)
     return float(rotation), float(strain)
 
 
@@ -175,9 +174,9 @@ def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
         for model in richer:
             adopt(model, last)
             with restored_if_interrupted(model.equations):
-                errors = take_steps(problem, cheap, model)
+                found = take_steps(problem, cheap, model)
             last = model
-        return errors
+        return found
     except RaisedElsewhereError:
         raise
     except MortarError:
@@ -198,11 +197,11 @@ def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: Contac
     for _ in range(MAX_CORRECTIONS):
         fraction = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
-        errors = differences(problem, cheap, SolutionQuantities.of(model))
-        settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
+        found = differences(problem, cheap, SolutionQuantities.of(model))
+        settled = left * found[ENERGY] <= max(SETTLED, 0.5 * min(found.values()))
         if fraction == 1.0 and left <= LINEAR_FRACTION and settled:
             break
-    return errors
+    return found
 
 
 def estimate_wider(
@@ -218,11 +217,11 @@ def estimate_wider(
     kept = [contact.offset for contact in contacts]
     for contact, length in zip(contacts, lengths, strict=True):
         contact.change(offset=contact.offset - length)
-    errors = estimate(problem, problem)
+    found = estimate(problem, problem)
     for contact, offset in zip(contacts, kept, strict=True):
         contact.change(offset=offset)
     problem.restore(problem.state())
-    return errors
+    return found
 
 
 def differences(
@@ -241,14 +240,13 @@ def differences(
         bulk.K.mult(x, y)
         return abs(x.dot(y))
 
-    errors = {
-        ENERGY: float(
-            np.sqrt(relative(energy(one.u - other.u), energy(strained(problem, other.u))))
-        ),
+    square = relative(energy(one.u - other.u), energy(strained(problem, other.u)))
+    found = {
+        ENERGY: float(np.sqrt(square)),
         FORCE: relative(np.linalg.norm(one.force - other.force), np.linalg.norm(other.force)),
         PEAK: relative(np.abs(one.peak - other.peak).max(), np.abs(other.peak).max()),
     }
-    return agreed(problem.equations.comm, errors)
+    return ranks.agreed(problem.equations.comm, found)
 
 
 def relative(difference: Any, size: Any) -> float:
@@ -286,8 +284,7 @@ def _largest_slip(contact: Contact) -> tuple[float, float]:
     slip = along[on] / (o.weight * contact.slave.nodal_lengths)[on]
     weighting = contact.pair.discretization.normals
     before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
-    cosine = np.einsum("jc,jc->j", before, now)[on]
-    angles = np.arccos(np.clip(cosine, -1.0, 1.0))
+    angles = np.arccos(np.clip(np.einsum("jc,jc->j", before, now)[on], -1.0, 1.0))
     return float(slip.max(initial=0.0)), float(angles.max(initial=0.0))
 
 
@@ -326,7 +323,7 @@ class Assumption:
 
 
 @dataclass(frozen=True)
-class ModelReport(Markdown):
+class ModelReport(files.Markdown):
     """Estimated errors of the assumptions of a solution; prints as a Markdown table; local.
 
     Attributes:
@@ -371,7 +368,7 @@ class ModelReport(Markdown):
         if self.discretisation is not None:
             error = [f"{100 * self.discretisation:.2g} %", *[""] * (len(QUANTITIES) - 1)]
             rows.append(["mesh", "", *error, ""])
-        table = markdown_table(head, rows, left=(0, 1, len(head) - 1))
+        table = files.markdown_table(head, rows, left=(0, 1, len(head) - 1))
         tolerance = f"{100 * self.tolerance:g} % in {self.quantity}"
         return f"{table}\n\nestimated errors; the tolerance is {tolerance}"
 
@@ -450,9 +447,8 @@ class ElasticObstacle:
         self.obstacle = obstacle
         space = DisplacementSpace(u.function_space)
         self._bulk = Bulk(residual, u, list(bcs), None, space)
-        self._surface = extract_surface(
-            space, data.facet_tags, data.boundary_tags(surface), joined_names(surface)
-        )
+        tags = data.facet_tags, data.boundary_tags(surface)
+        self._surface = extract_surface(space, *tags, joined_names(surface))
         self._bulk.assemble_tangent()
         if find_floating_bodies(self._bulk, *label_bodies(self._bulk.V)):
             raise ValueError(f"the elastic body of {obstacle} can move: expected bcs that fix it")
@@ -472,7 +468,7 @@ class ElasticObstacle:
         load = np.zeros_like(self._surface.X)
         for points in touching:
             points.add_tractions(load)
-        load = sum_over_ranks(self._surface.comm, load)
+        load = ranks.sum_over_ranks(self._surface.comm, load)
         force, solution = self._bulk.K.createVecs()
         self._surface.scatter_add(load, force.array)
         force.array[self._bulk.prescribed_dofs] = 0.0
@@ -544,7 +540,7 @@ class _Touching:
         sums = np.zeros((2, self._contact.slave.num_nodes))
         for target, part in zip(sums, parts, strict=True):
             np.add.at(target, self._tractions.slave, part)
-        sums = sum_over_ranks(self._contact.slave.comm, sums)
+        sums = ranks.sum_over_ranks(self._contact.slave.comm, sums)
         means = np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
         only_at_corners = self._tractions.slave.shape != self._points.slave.shape
         return self._contact.now.fill_inside(means) if only_at_corners else means
@@ -558,17 +554,12 @@ def rigid_obstacle(problem: ContactProblem, elastic: ElasticObstacle) -> Assumpt
     """Errors of a rigid obstacle: its elasticity, and the facets of its mesh (collective)."""
     touching = contacts_of(problem, elastic)
     yielding, flatness = elastic.displacements(touching), elastic.flatness(touching)
-    by_mesh = Assumption(
-        f"mesh of {elastic.obstacle}",
-        f"facets deviate by {_largest(flatness):.2g}",
-        estimate_wider(problem, touching, flatness),
-    )
-    return Assumption(
-        f"rigid {elastic.obstacle}",
-        f"displacement of its surface {_largest(yielding):.2g}",
-        estimate_wider(problem, touching, yielding),
-        by_mesh,
-    )
+    deviate = f"facets deviate by {_largest(flatness):.2g}"
+    by_mesh = estimate_wider(problem, touching, flatness)
+    mesh = Assumption(f"mesh of {elastic.obstacle}", deviate, by_mesh)
+    moved = f"displacement of its surface {_largest(yielding):.2g}"
+    errors = estimate_wider(problem, touching, yielding)
+    return Assumption(f"rigid {elastic.obstacle}", moved, errors, mesh)
 
 
 def contacts_of(problem: ContactProblem, elastic: ElasticObstacle) -> list[Contact]:

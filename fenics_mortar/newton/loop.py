@@ -11,16 +11,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from fenics_mortar.utils import errors, files
 from fenics_mortar.utils.arrays import TINY
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotConvergedError,
-    NotFiniteError,
-    RaisedElsewhereError,
-    check_flag,
-    check_number,
-)
-from fenics_mortar.utils.files import Markdown, markdown_table
 
 # Start of a note, and end of a note that represents several.
 ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
@@ -50,7 +42,7 @@ class Iteration:
 
 
 @dataclass
-class NewtonReport(Markdown):
+class NewtonReport(files.Markdown):
     """Record of one solve, complete on success and on failure; prints as a short Markdown table.
 
     One row for each Newton iteration, notes, and the outcome. All methods are local.
@@ -125,9 +117,8 @@ class NewtonReport(Markdown):
         if phases:
             sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
             blank = [""] * (len(columns) - len(sums) - 2)
-            total = f"{sum(self.total_seconds().values()):.3f}"
-            rows.append(("sum", *blank, total, *sums))
-        lines = [markdown_table(list(columns), rows)]
+            rows.append(("sum", *blank, f"{sum(self.total_seconds().values()):.3f}", *sums))
+        lines = [files.markdown_table(list(columns), rows)]
         lines += ["", *(f"- {note}" for note in self.notes)] if self.notes else []
         if self.solver:
             lines.append(f"\nlinear solver: {self.solver}")
@@ -175,12 +166,16 @@ def merge_repeated(notes: Sequence[str]) -> list[str]:
     ]
 
 
-def then_solve(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
+# A solve, whose record it returns.
+Solve = Callable[[], NewtonReport]
+
+
+def then_solve(report: NewtonReport, solve: Solve) -> NewtonReport:
     """The record followed by that of another solve; an error of the latter has both records."""
     try:
         return report.followed_by(solve())
-    except NotConvergedError as error:
-        raise NotConvergedError(str(error), report.followed_by(error.report)) from None
+    except errors.NotConvergedError as error:
+        raise errors.NotConvergedError(str(error), report.followed_by(error.report)) from None
 
 
 @dataclass(frozen=True)
@@ -214,16 +209,22 @@ class NewtonOptions:
     def __post_init__(self) -> None:
         """Check the numbers."""
         expected = "a whole number, at least 1"
-        check_number("max_iterations", self.max_iterations, expected, lambda n: n >= 1, whole=True)
+        errors.check_number(
+            "max_iterations", self.max_iterations, expected, lambda n: n >= 1, whole=True
+        )
         for what in ("residual_tolerance", "increment_tolerance"):
             value = getattr(self, what)
-            check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
+            errors.check_number(
+                what, value, "a positive number", lambda number: 0.0 < number < np.inf
+            )
         expected = "a positive number"
-        check_number("max_remaining", self.max_remaining, expected, lambda number: number > 0.0)
+        errors.check_number(
+            "max_remaining", self.max_remaining, expected, lambda number: number > 0.0
+        )
         expected = "a positive number of facets"
-        check_number("max_motion", self.max_motion, expected, lambda number: number > 0.0)
+        errors.check_number("max_motion", self.max_motion, expected, lambda number: number > 0.0)
         for what in ("line_search", "tentative"):
-            check_flag(what, getattr(self, what))
+            errors.check_flag(what, getattr(self, what))
 
     @property
     def damped(self) -> bool:
@@ -328,16 +329,16 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if number:
             try:
                 step = equations.advance()
-            except RaisedElsewhereError:
+            except errors.RaisedElsewhereError:
                 raise
-            except MortarError as error:
+            except errors.MortarError as error:
                 raise _failure(equations, report, f"iteration {number}: {error}") from error
             if step.note and step.note not in noted:
                 noted.add(step.note)
                 report.notes.append(f"iteration {number}: {step.note}")
         try:
             status = equations.evaluate(start=number == 0)
-        except NotFiniteError as error:
+        except errors.NotFiniteError as error:
             if not number:  # the initial state is the user's responsibility
                 raise
             raise _failure(equations, report, f"iteration {number}: {error}") from error
@@ -419,10 +420,10 @@ def forcing(
     return min(max(expected, enough), loosest)
 
 
-def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:
+def _failure(equations: Equations, report: NewtonReport, reason: str) -> errors.NotConvergedError:
     """Complete the record and return the error to raise (collective)."""
     report.reason = "; ".join(filter(None, (reason, equations.diagnose())))
-    return NotConvergedError(report.reason, report)
+    return errors.NotConvergedError(report.reason, report)
 
 
 def allowed_residual(status: Status, force: float, options: NewtonOptions) -> float:

@@ -9,9 +9,9 @@ with turns, angles times a length ``arm``, about axes e_i. The derivatives at a 
     d phi = grad phi . (dx - V dq),
     d grad phi = H (dx - V dq) + sum_i e_i x grad phi dq_i / arm.
 
-Shapes are subclasses of ``Obstacle``: a user's ``SignedDistance``, ``Circle`` and ``Sphere``, from
-outside or inside, and those of ``shapes``. Derivatives by parameters of the shape are exact or
-difference quotients, see ``differentiate_shape``.
+Shapes are subclasses of ``Obstacle``: a user's ``SignedDistance``, and those of ``shapes`` and
+``revolved``. Derivatives by parameters of the shape are exact or difference quotients, see
+``differentiate_shape``.
 """
 
 from __future__ import annotations
@@ -25,14 +25,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.rigid_motion import RigidMotion
-from fenics_mortar.utils.arrays import EPSILON, Array, Flags
-from fenics_mortar.utils.errors import (
-    NotFiniteError,
-    check_flag,
-    check_number,
-    check_vector,
-    format_point,
-)
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import NotFiniteError, format_point, is_function
 
 # Step of central differences of distances, over the size of the parameter or the length of a facet
 # [1]: on a spline of nine points the truncation error is 1e-11, the rounding over the step 1e-12.
@@ -243,7 +237,7 @@ class SignedDistance(Obstacle):
     ) -> None:
         """Keep the function."""
         super().__init__(name, pivot)
-        if not callable(function):
+        if not is_function(function):
             raise ValueError(
                 f"function={function!r}: expected a function of points (n, {self.dim})"
             )
@@ -274,101 +268,6 @@ def distance_fields(
     phi = np.where(at_corner, size, (rest * normal).sum(axis=1)) - radius
     across = np.eye(rest.shape[1]) - np.einsum("ia,ib->iab", gradient, gradient)
     return phi, gradient, np.where(at_corner[:, None, None], across / size[:, None, None], 0.0)
-
-
-class _Ball(Obstacle):
-    """Solid disk or ball, or with ``inside`` a solid with a round hole."""
-
-    _dim: int
-    _name: str
-
-    def __init__(
-        self,
-        centre: npt.ArrayLike,
-        radius: float,
-        *,
-        inside: bool = False,
-        pivot: npt.ArrayLike | None = None,
-        name: str | None = None,
-    ) -> None:
-        """Check the radius."""
-        self._centre = check_vector("centre", centre, self._dim)
-        super().__init__(name or self._name, self._centre if pivot is None else pivot)
-        check_flag("inside", inside)
-        self.set_shape("radius", np.asarray(radius))
-        self._sign = -1.0 if inside else 1.0
-
-    def shape(self) -> dict[str, Array]:
-        """The radius [length]; see ``Obstacle.shape``."""
-        return {"radius": np.asarray(self._radius)}
-
-    def set_shape(self, name: str, values: Array) -> None:
-        """Set the radius; see ``Obstacle.set_shape``."""
-        if name != "radius":
-            super().set_shape(name, values)
-        radius = np.asarray(values).item()
-        check_number("radius", radius, "a positive length", lambda r: 0.0 < r < np.inf)
-        self._radius = float(radius)
-
-    def local_by_shapes(self, x: Array, name: str, directions: Array) -> tuple[Array, Array]:
-        """The distance decreases by the change of the radius; see ``Obstacle.local_by_shapes``."""
-        phi = np.tile(-self._sign * np.reshape(directions, (-1, 1)), len(x))
-        return phi, np.zeros((len(phi), *x.shape))
-
-    def local(self, x: Array) -> Fields:
-        """Distance to a circle or a sphere; see ``Obstacle.local``.
-
-        At the centre the gradient is set to the y direction.
-        """
-        d, upward = x - self._centre, np.zeros(self.dim)
-        upward[1] = EPSILON * self._radius
-        d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, upward)
-        every, sign = np.ones(len(x), bool), self._sign
-        phi, gradient, hessian = distance_fields(d, d, every, ~every, self._radius)
-        return sign * phi, sign * gradient, sign * hessian
-
-    def salient_points(self) -> Array:
-        """Points of the surface all around; see ``Obstacle.salient_points``."""
-        steps = np.stack(np.meshgrid(*[(-1.0, 0.0, 1.0)] * self.dim, indexing="ij"), axis=-1)
-        around = steps.reshape(-1, self.dim)
-        around = around[around.any(axis=1)]
-        return self._centre + self._radius * around / np.linalg.norm(around, axis=1)[:, None]
-
-
-class Circle(_Ball):
-    """Disk, or with ``inside`` a solid with a round hole.
-
-    Args:
-        centre: Centre, shape (2,) [length].
-        radius: Radius [length].
-        inside: Contact on the inside: the solid lies outside the circle.
-        pivot: Centre of rotations; the centre of the circle by default [length].
-        name: Name used in messages; "circle" by default.
-
-    Raises:
-        ValueError: If an argument has a value that is not allowed.
-    """
-
-    _dim = 2
-    _name = "circle"
-
-
-class Sphere(_Ball):
-    """Ball, or with ``inside`` a solid with a spherical hole.
-
-    Args:
-        centre: Centre, shape (3,) [length].
-        radius: Radius [length].
-        inside: Contact on the inside: the solid lies outside the sphere.
-        pivot: Centre of rotations; the centre of the sphere by default [length].
-        name: Name used in messages; "sphere" by default.
-
-    Raises:
-        ValueError: If an argument has a value that is not allowed.
-    """
-
-    _dim = 3
-    _name = "sphere"
 
 
 def is_of_package(obstacle: Obstacle) -> bool:

@@ -9,8 +9,9 @@ rotation vector (axis times angle); turns add to angles in the plane only.
 
 Motions are composed by ``place_after``, ``motion_between`` and other functions of places, rotations
 by ``rotation_by`` and ``vector_of``. ``RigidMotion`` is the motion of an obstacle or a boundary,
-with its loads; the other functions check and describe what users give of one. ``RIGID`` has the
-thresholds for rigid motions of bodies and obstacles.
+with its loads; ``path_of`` fits a rigid motion, a ``RigidPath``, to nodes at the ends of a step.
+The other functions check and describe what users give of a motion. ``RIGID`` has the thresholds for
+rigid motions of bodies and obstacles.
 """
 
 from __future__ import annotations
@@ -19,26 +20,13 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.utils.arrays import (
-    ASSEMBLY_ROUNDING,
-    ROUNDING,
-    TINY,
-    Array,
-    lines_cross,
-    near_pairs,
-)
-from fenics_mortar.utils.errors import (
-    check_finite,
-    check_floats,
-    check_kind,
-    check_vector,
-    format_point,
-)
+from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, ROUNDING, SMALL_ANGLE, TINY, Array, norms
+from fenics_mortar.utils.errors import check_finite, check_kind, check_vector, format_point
 
 # Square of an angle [radian^2] below which the functions of ``inverse_factors`` are sums of their
 # series, with terms up to the rounding of the first one: B_2k / (2k)! of Bernoulli's numbers.
@@ -246,8 +234,7 @@ def motion_between(before: Array, after: Array, arm: float) -> Array:
     In space rotations about one axis have any size, others that of the shortest way.
     """
     dim = DIMENSIONS[before.size]
-    turn = turn_between(before[dim:], after[dim:])
-    return np.append(after[:dim] - before[:dim], arm * turn)
+    return np.append(after[:dim] - before[:dim], arm * turn_between(before[dim:], after[dim:]))
 
 
 def by_further_motion(motion: Array, arm: float) -> Array:
@@ -266,10 +253,8 @@ def places_towards(places: Array, others: Array, fraction: float) -> Array:
         others: Those at the fraction 1.
         fraction: Part of the way [1]; extrapolation below 0 and above 1.
     """
-    found = [
-        place_after(place, fraction * motion_between(place, other, 1.0), 1.0)
-        for place, other in zip(places, others, strict=True)
-    ]
+    ends = zip(places, others, strict=True)
+    found = [place_after(a, fraction * motion_between(a, b, 1.0), 1.0) for a, b in ends]
     return np.reshape(found, places.shape)
 
 
@@ -292,43 +277,136 @@ def describe_load(load: Array, force: str = "force", *, is_axial: bool = False) 
     return f"{force} {format_point(load[:dim])}, moment {moment}"
 
 
-def edges_of(corners: Array) -> Array:
-    """Vectors from each corner of a polygon (k, 2) to the next one, (k, 2) [length] (local)."""
-    return np.roll(corners, -1, axis=0) - corners
+# Extent of prescribed nodes, in space across a line, over their distance from the origin [1], below
+# which they do not tell a rotation.
+SLENDER = 1e-6
+# Distance of prescribed nodes from a rigid motion over their motion [1], below which they turn: the
+# ends of a beam that is bent do not. A stretch of 5 % beside a quarter of a turn.
+STRETCHED = 0.05
 
 
-def check_chain(points: npt.ArrayLike) -> Array:
-    """Copy of three or more points of the plane, shape (k, 2) [length] (local).
+def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
+    """Rotation of nodes, an angle (1,) or a vector (3,), of at most half a turn [radian] (local).
 
-    Raises:
-        ValueError: For other values.
+    Zero for nodes that do not determine a rotation.
+
+    Args:
+        x0: Their positions, shape (n, d) [length].
+        x1: Their positions later.
+        stretched: Distance from a rigid motion over the motion [1] above which they do not turn.
     """
-    chain = check_floats("points", points)
-    if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
-        raise ValueError(
-            f"points of shape {chain.shape}: expected at least three finite points (k, 2)"
-        )
-    return chain
+    y0, y1 = x0 - x0.mean(axis=0), x1 - x1.mean(axis=0)
+    none = np.zeros(len(TURNS[x0.shape[1]]))
+    if not tells_turn(x0):
+        return none
+    R, _ = polar(y1.T @ y0)
+    if stretched < np.inf:
+        apart, moved = (np.linalg.norm(y - y0 @ R.T) for y in (y1, y0))
+        if apart > stretched * moved:
+            return none
+    return vector_of(R)
 
 
-def check_simple(what: str, chain: Array, *, closed: bool) -> None:
-    """Raise an error if the chain of points (k, 2) intersects itself (local).
+def tells_turn(x0: Array) -> bool:
+    """Whether nodes (n, d) determine a rotation: not one point; in space not points on a line."""
+    dim = x0.shape[1]
+    if len(x0) < dim:
+        return False
+    extents = np.linalg.svd(x0 - x0.mean(axis=0), compute_uv=False)
+    return bool(extents[dim - 2] > SLENDER * float(np.linalg.norm(x0)))
 
-    Raises:
-        ValueError: If two edges that are not neighbours intersect.
+
+class RigidPath(NamedTuple):
+    """Motion of a rigid frame in a step: a point on a straight line, and a rotation about it.
+
+    Attributes:
+        start: The point at the start, shape (dim,) [length].
+        end: The point at the end, shape (dim,) [length].
+        turn: Angle of the rotation, shape (1,), in space its vector, (3,), of any size [radian].
     """
-    start, end = (chain, np.roll(chain, -1, axis=0)) if closed else (chain[:-1], chain[1:])
-    pairs = near_pairs(start, end)
-    after = (pairs[:, 1] - pairs[:, 0]) % (len(start) if closed else len(start) + 1)
-    pairs = pairs[(after > 1) & (after < len(start) - 1 if closed else after > 1)]
-    meets = lines_cross(start, end, pairs, touching=True)
-    if meets.any():
-        i, j = pairs[np.argmax(meets)]
-        raise ValueError(
-            f"the {what} intersects itself: edges from {format_point(start[i])} to "
-            f"{format_point(end[i])} and from {format_point(start[j])} to {format_point(end[j])}; "
-            "list the points in order along the curve"
-        )
+
+    start: Array
+    end: Array
+    turn: Array
+
+    @property
+    def angle(self) -> float:
+        """Angle of the rotation, in space without sign [radian]."""
+        return float(self.turn[0] if self.turn.size == 1 else np.linalg.norm(self.turn))
+
+    def turned(self, vectors: Array, t: float) -> Array:
+        """Vectors (n, dim) [any unit] turned by the rotation up to ``t``, negative: back."""
+        return vectors @ rotation_by(t * self.turn).T
+
+    def carry(self, x: Array, t: float) -> Array:
+        """Positions at ``t``, 0 to 1, of points at ``x`` (n, dim) at the start [length]."""
+        return self._centre(t) + self.turned(x - self.start, t)
+
+    def back(self, x: Array, t: float) -> Array:
+        """Positions at the start of points that are at ``x`` (n, dim) at ``t`` [length]."""
+        return self.start + self.turned(x - self._centre(t), -t)
+
+    def is_followed(self, x0: Array, x1: Array) -> bool:
+        """Whether nodes (n, dim) [length], one or more, follow the motion from ``x0`` to ``x1``.
+
+        Not if they were not where a rigid boundary was at the start.
+        """
+        apart = norms(self.carry(x0, 1.0) - x1).max(initial=0.0)
+        return bool(apart <= SMALL_ANGLE * norms(x0 - self.start).max(initial=0.0))
+
+    def turns_as(self, other: RigidPath) -> bool:
+        """Whether another motion has the same rotation, up to full turns."""
+        apart = rotation_by(self.turn) @ rotation_by(other.turn).T
+        return bool(np.linalg.norm(vector_of(apart)) <= SMALL_ANGLE)
+
+    def _centre(self, t: float) -> Array:
+        return self.start + t * (self.end - self.start)
+
+    def backwards(self) -> RigidPath:
+        """The motion to the same positions with the other sense of rotation."""
+        factor = 1.0 - 2.0 * np.pi / abs(self.angle) if self.angle else 0.0
+        return self._replace(turn=factor * self.turn)
+
+    def about_fixed_point(self, body: Array, *, inside: bool = True) -> RigidPath:
+        """The motion about a fixed point, in space along an axis, to the same positions.
+
+        Args:
+            body: Nodes of the body at the start, shape (n, dim) [length]. The point is inside the
+                body if it is nearer to ``start`` than the farthest one.
+            inside: Whether the point has to be inside the body, or outside.
+
+        Returns:
+            The motion itself if the point is elsewhere, or if nothing turns.
+        """
+        angle, dim = abs(self.angle), self.start.size
+        if angle <= SMALL_ANGLE:
+            return self
+        axis = np.pad(self.turn, (3 - self.turn.size, 0)) / angle
+        shift = np.pad(self.end - self.start, (0, 3 - dim))
+        across = shift - (axis @ shift) * axis
+        to_axis = 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
+        if (np.linalg.norm(to_axis) < norms(body - self.start).max()) != inside:
+            return self
+        fixed = self.start + to_axis[:dim]
+        return RigidPath(fixed, fixed + (shift - across)[:dim], self.turn)
+
+
+def path_of(x0: Array, x1: Array, stretched: float = np.inf) -> RigidPath:
+    """Rigid motion that fits that of nodes (n, d) from ``x0`` to ``x1`` best (Kabsch 1976) (local).
+
+    The mean of the nodes moves on a straight line; for ``stretched`` see ``turn_of``.
+    """
+    return RigidPath(x0.mean(axis=0), x1.mean(axis=0), turn_of(x0, x1, stretched))
+
+
+def motion_of(mover: RigidMotion, before: Array, after: Array) -> RigidPath:
+    """Motion of an obstacle or a boundary between places (m,) [length, radian] (local).
+
+    In space ``after`` is its present place.
+    """
+    dim = mover.dim
+    turn = after[2:] - before[2:] if dim == 2 else mover.turn_since(before)
+    return RigidPath(mover.pivot + before[:dim], mover.pivot + after[:dim], turn)
 
 
 # Names of the translations.
@@ -574,6 +652,8 @@ class RigidOptions:
         recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
             shrinks by the cube of this factor.
         max_solves: Largest number of solves with springs.
+        steady: Number of solves with springs in a row after which a slide is endless: their forces
+            are equal, to ``overlap``, and no node is open that could stop it.
         max_readmissions: Number of times that an idle body is squeezed in a solve after which it
             takes part in contact to the end: Newton's method overestimates forces once or twice.
         narrowest: Slope of a wedge [1] below which it is squeezed between its neighbours, not out
@@ -583,6 +663,8 @@ class RigidOptions:
             include the angle 2 a.
         max_failures: Number of failures in a row after which the solve fails: the elongation is
             below 1e-4 facets then.
+        max_toppling: Number of successive solves with springs by which a body tips over, each with
+            larger forces of springs: round bodies roll onto the next node in one or two.
         repeats: Number of solves with springs that remain: contact forces then are as large as
             possible.
         sliver: Length over the shortest facet that is considered zero [1]: the advance of an
@@ -604,10 +686,12 @@ class RigidOptions:
     elongation: float = 0.25
     recovery: float = 2.0
     max_solves: int = 24
+    steady: int = 4
     max_readmissions: int = 3
     narrowest: float = 0.1
     one_sided: float = 0.5
     max_failures: int = 5
+    max_toppling: int = 3
     repeats: int = 3
     sliver: float = 1e-3
 

@@ -32,33 +32,15 @@ from fenics_mortar.bulk.inertia import Inertia, Origin, Velocity
 from fenics_mortar.contact.contact import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import State, restored_if_interrupted
-from fenics_mortar.path.report import (
-    DynamicsReport,
-    Energies,
-    EnergyErrors,
-    TimeStep,
-    forces_of,
-    work_of,
-)
+from fenics_mortar.path import report
 from fenics_mortar.path.stepping import SteppingOptions, Steps, check_steps
 from fenics_mortar.path.time_steps import Corrections, GeneralizedAlpha, first_acceleration
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotConvergedError,
-    check_choice,
-    check_kind,
-    check_number,
-    check_same,
-    check_same_texts,
-    together,
-)
 
 if TYPE_CHECKING:
     from fenics_mortar.newton.loop import NewtonReport
-    from fenics_mortar.path.report import Forces, Work
 
 
 class Dynamics:
@@ -116,7 +98,7 @@ class Dynamics:
         velocity: Velocity | None = None,
         energy: Any | None = None,
     ) -> None:
-        check_kind("problem", problem, ContactProblem, "a ContactProblem")
+        errors.check_kind("problem", problem, ContactProblem, "a ContactProblem")
         check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
@@ -130,13 +112,11 @@ class Dynamics:
         self._energy = None if energy is None else compat.form(energy)
         equations.add_inertia(self._inertia)
         self.velocity = self._inertia.velocity
-        self._largest_speed, self._errors = 0.0, EnergyErrors()
+        self._errors = report.EnergyErrors()
         self.scheme, self.rho_inf, conserves = scheme, self._scheme.rho, self._scheme.rho == 1.0
-        self._corrections = (
-            Corrections(problem, self._inertia, conserves=conserves)
-            if scheme == "conserving"
-            else None
-        )
+        self._corrections: Corrections | None = None
+        if scheme == "conserving":
+            self._corrections = Corrections(problem, self._inertia, conserves=conserves)
 
     @property
     def time(self) -> float:
@@ -163,27 +143,26 @@ class Dynamics:
                 "conserving", if a rigid boundary or a section is.
             ValueError: If ``dt`` is not positive, or too short for the present time.
         """
-        with together(self.problem.equations.comm, "step"):
+        with errors.together(self.problem.equations.comm, "step"):
             check_step(dt, self.time)
         with restored_if_interrupted(self.problem.equations):
             self._begin()
             before = self._errors
             if before.time != self.time:  # after other steps, whose errors it does not add
-                before = EnergyErrors(*self._energy_totals())
-            report, _, work = self._advance(dt, forces_of(self.problem))
+                before = report.EnergyErrors(*self._energy_totals())
+            newton, _, work = self._advance(dt, report.forces_of(self.problem))
         self._errors = before.after(work, *self._energy_totals(), size=dt, time=self.time)
         if self._errors.worst(self.scheme) > before.worst(self.scheme):
-            remark = self._errors.remark(self.scheme, self.rho_inf)
-            report.notes[:0] = filter(None, [remark])
-        return report
+            newton.notes[:0] = filter(None, [self._errors.remark(self.scheme, self.rho_inf)])
+        return newton
 
     def _energy_totals(self) -> tuple[float, float]:
         """Largest kinetic energy, and energy lost so far and not returned [stress length^2]."""
-        return 0.5 * self._largest_speed**2, self.energy_deficit
+        return self._inertia.rates.largest_kinetic, self.energy_deficit
 
     def _advance(
-        self, dt: float, forces: Forces, *, adapts: bool = False
-    ) -> tuple[NewtonReport, Forces, Work]:
+        self, dt: float, forces: report.Forces, *, adapts: bool = False
+    ) -> tuple[NewtonReport, report.Forces, report.Work]:
         """Advance by one step; see ``step``.
 
         Args:
@@ -215,7 +194,7 @@ class Dynamics:
             inertia.rate.set(*lines[0])
         inertia.moving = True
         try:
-            report = problem.solve(predict=False)
+            newton = problem.solve(predict=False)
         except BaseException:
             inertia.moving = False
             problem.restore(before)
@@ -229,14 +208,14 @@ class Dynamics:
             average=lines[2](u),
             time=rates.time + dt,
         )
-        after = forces_of(problem)
-        work = work_of(problem, before, problem.state(), forces, after, in_time=True)
+        after = report.forces_of(problem)
+        work = report.work_of(problem, before, problem.state(), forces, after, in_time=True)
         if self._corrections is not None:
             self._corrections.correct(work, dt, before.u, (forces, after))
-        inertia.set_rates(inertia.rates, u)
-        speeds = [inertia.product(v, v) for v in (rates.velocity, inertia.rates.velocity)]
-        self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
-        return report, after, work
+        kinetic = [0.5 * inertia.product(v, v) for v in (rates.velocity, inertia.rates.velocity)]
+        largest = float(max(rates.largest_kinetic, *kinetic))
+        inertia.set_rates(replace(inertia.rates, largest_kinetic=largest), u)
+        return newton, after, work
 
     def _begin(self) -> None:
         """Set the inertia forces of the present state; at the start compute the accelerations."""
@@ -244,7 +223,7 @@ class Dynamics:
         self.velocity.x.scatter_forward()
         bad = int(np.count_nonzero(~np.isfinite(self.velocity.x.array)))
         if bulk.comm.allreduce(bad):
-            raise MortarError("the velocity of Dynamics is not finite")
+            raise errors.MortarError("the velocity of Dynamics is not finite")
         inertia.set_rates(inertia.rates, bulk.u.x.array)  # at the start without acceleration
         if inertia.rates.begun:
             return
@@ -256,12 +235,12 @@ class Dynamics:
         motions = self.problem.equations.motions
         names = [mover.motion.name for mover in motions.movers if mover.driven.any()]
         if motions.driven_obstacles.any():
-            raise MortarError(
+            raise errors.MortarError(
                 f"obstacle '{names[0]}' is driven by forces, but has no mass: prescribe its motion "
                 "by move, or mesh it"
             )
         if names and self._corrections is not None:
-            raise MortarError(
+            raise errors.MortarError(
                 f"remote load '{names[0]}' is driven by forces, but scheme='conserving' corrects "
                 "velocities node by node: expected scheme='massless' or 'generalized_alpha', "
                 "prescribe the motion by move, or use a SpreadLoad"
@@ -272,15 +251,14 @@ class Dynamics:
         pairs = zip(self._masses_of, _density_values(self._density), strict=True)
         changed = not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
         if self.problem.equations.comm.allreduce(int(changed)):
-            raise MortarError(
+            raise errors.MortarError(
                 "the density has changed since Dynamics(...), whose masses are constant: set up a "
                 "new problem, and give its Dynamics the velocity"
             )
 
     def _driven_dofs(self) -> Flags:
         """Marks of dofs at rigid boundaries that forces drive, shape (local dofs,), bool."""
-        bulk = self.problem.equations.bulk
-        marks = np.zeros(bulk.u.x.array.size, bool)
+        marks = np.zeros(self.problem.equations.bulk.u.x.array.size, bool)
         for load in self.problem.equations.motions.boundaries:
             marks |= load.driven_dofs()
         return marks
@@ -295,7 +273,7 @@ class Dynamics:
         *,
         tolerance: float | None = None,
         on_step: Callable[[float, NewtonReport], None] | None = None,
-    ) -> DynamicsReport:
+    ) -> report.DynamicsReport:
         """Advance to the time ``stop``.
 
         A failed step is reverted and cut. Without ``tolerance`` the step size grows back to
@@ -321,15 +299,15 @@ class Dynamics:
         Note:
             Rank 0 logs each step and each cut, see ``report``.
         """
-        with together(self.problem.equations.comm, "run"):
+        with errors.together(self.problem.equations.comm, "run"):
             check_run(stop, options, set_loads, tolerance, on_step, self.time)
         given = {"stop": stop, "options": options, "tolerance": tolerance}
-        check_same_texts(self.problem.equations.comm, "run", given)
+        errors.check_same_texts(self.problem.equations.comm, "run", given)
         self._begin()
         advance = partial(self._advance, adapts=tolerance is not None)
         steps = TimeSteps(self, advance, tolerance, stop, options, set_loads)
-        report: DynamicsReport = steps.run(on_step)
-        return report
+        ended: report.DynamicsReport = steps.run(on_step)
+        return ended
 
     # Measures
 
@@ -353,21 +331,21 @@ class Dynamics:
             dt: The step [time].
         """
         inertia = self._inertia
-        check_kind("before", before, State, "a state of the problem")
+        errors.check_kind("before", before, State, "a state of the problem")
         if before.rates is None:
             raise ValueError("before has no velocity: expected a state of the motion")
         change = inertia.rates.acceleration - before.rates.acceleration
         size = float(np.sqrt(max(inertia.product(change, change), 0.0)))
-        return dt * size / 12.0 / max(self._largest_speed, TINY)
+        return dt * size / 12.0 / max(float(np.sqrt(2.0 * inertia.rates.largest_kinetic)), TINY)
 
-    def energies(self) -> Energies:
+    def energies(self) -> report.Energies:
         """Kinetic and strain energy and momentum at the present state."""
         inertia, v = self._inertia, self.velocity.x.array
         kinetic = 0.5 * inertia.product(v, v)
         strain = float("nan")
         if self._energy is not None:
             strain = self.problem.equations.comm.allreduce(float(fem.assemble_scalar(self._energy)))
-        return Energies(kinetic, strain, inertia.momentum(self._positions(), v))
+        return report.Energies(kinetic, strain, inertia.momentum(self._positions(), v))
 
     def momentum(self, dt: float = 0.0) -> Array:
         """Linear momentum and angular momentum about the origin, shape (3,), in space (6,).
@@ -381,7 +359,7 @@ class Dynamics:
                 moments of mortar pressures. With "conserving" the momentum at the present time is
                 constant.
         """
-        check_number("dt", dt, "a finite number", np.isfinite)
+        errors.check_number("dt", dt, "a finite number", np.isfinite)
         rates, half = self._inertia.rates, 0.5 * dt
         v = rates.velocity
         return self._inertia.momentum(self._positions() + half * v, v + half * rates.acceleration)
@@ -411,7 +389,7 @@ class TimeSteps(Steps):
         reached = stop - bodies.time <= ROUNDING * given[0].smallest  # the time is a sum of steps
         super().__init__(bodies.problem, (stop if reached else bodies.time, stop), *given)
         self._bodies, self._advance, self._tolerance = bodies, advance, tolerance
-        self.report = DynamicsReport(
+        self.report = report.DynamicsReport(
             bodies.energies(), scheme=bodies.scheme, rho_inf=bodies.rho_inf
         )
         options = self.options
@@ -423,7 +401,7 @@ class TimeSteps(Steps):
         newton, forces, self._work = self._advance(step, self.forces)
         self._error = error = self._bodies.error(before, step)
         if tolerance is not None and error > tolerance and step > self.options.smallest:
-            raise NotConvergedError(f"error of the step {error:.1e}", newton)
+            raise errors.NotConvergedError(f"error of the step {error:.1e}", newton)
         self.forces = forces
         return newton
 
@@ -435,16 +413,16 @@ class TimeSteps(Steps):
         """
         bodies, options, growth = self._bodies, self.options, self.options.growth
         measured = self._error, self._work, bodies.energies(), step, bodies.energy_deficit
-        self.report.steps.append(TimeStep(time, newton, self.report.failures, *measured))
+        self.report.steps.append(report.TimeStep(time, newton, self.report.failures, *measured))
         if self._tolerance is not None:
             growth = min(growth, 0.9 * float(np.sqrt(self._tolerance / max(self._error, TINY))))
         return min(max(growth * step, options.smallest), self._largest)
 
-    def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
+    def explain(self, time: float, step: float, failure: errors.NotConvergedError) -> str:
         """Why the motion ends at a time, and why larger steps failed, if that differs."""
         failures = self.report.failures
         first, last = failures[0].reason, failures[-1].reason
-        count = sum(report.reason == first for report in failures)
+        count = sum(failure.reason == first for failure in failures)
         times = f" ({count} times)" if count > 1 else ""
         others = "" if first == last else f"; larger steps failed since{times}: {first}"
         return f"the motion ends at time {time:.6g}: a step of {step:.1e} fails; {failure}{others}"
@@ -455,12 +433,12 @@ def check_run(
 ) -> None:
     """Reject arguments of ``Dynamics.run`` (local)."""
     expected = f"a time from the present one, {time:.6g}, on"
-    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
+    errors.check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
     check_steps(options, on_step)
     if set_loads is not None and not callable(set_loads):
         raise ValueError(f"set_loads={set_loads!r}: expected a function of the time, or None")
     if tolerance is not None:
-        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
+        errors.check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
 
 
 # Default spectral radius at infinite frequency by scheme [1]: no dissipation, or dissipation of the
@@ -478,15 +456,17 @@ def check_dynamics(
         MortarError: On all ranks, if arguments differ, or a tag is unknown.
     """
     comm, bulk = problem.equations.comm, problem.equations.bulk
-    with together(comm, "Dynamics"):
-        check_choice("scheme", scheme, SCHEMES)
+    with errors.together(comm, "Dynamics"):
+        errors.check_choice("scheme", scheme, SCHEMES)
         if scheme == "conserving" and bulk.history.functions:
             raise ValueError(
                 "scheme='conserving' returns lost energy, and does not support bodies with "
                 "history, which dissipate: expected scheme='massless' or 'generalized_alpha'"
             )
         if rho_inf is not None:
-            check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
+            errors.check_number(
+                "rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0
+            )
         mesh = bulk.V.ufl_domain()
         _check_density(density, mesh)
         _check_energy(energy, mesh)
@@ -502,9 +482,9 @@ def check_dynamics(
         "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
         "energy": energy is not None, "density": density if is_number else "a UFL expression",
     }  # fmt: skip
-    check_same_texts(comm, "Dynamics", given)
+    errors.check_same_texts(comm, "Dynamics", given)
     constants = [] if is_number else extract_constants(density)
-    check_same(comm, [("a constant of density", c.value) for c in constants])
+    errors.check_same(comm, [("a constant of density", c.value) for c in constants])
     if energy is not None:
         named = [contact.pair.data for contact in problem.equations.contacts]
         check_subdomains("energy", energy, bulk.V.mesh, named)
@@ -512,7 +492,7 @@ def check_dynamics(
 
 def _check_density(density: Any, mesh: Any) -> None:
     if not isinstance(density, ufl.core.expr.Expr):
-        check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
+        errors.check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
         return
     if density.ufl_shape:
         raise ValueError(f"density has the shape {density.ufl_shape}: expected a scalar")
@@ -526,7 +506,7 @@ def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
     """Reject a velocity that the residual does not contain, and a missing one."""
     bulk = problem.equations.bulk
     if velocity is not None:
-        check_kind("velocity", velocity, Velocity, "a Velocity(u)")
+        errors.check_kind("velocity", velocity, Velocity, "a Velocity(u)")
         if velocity.u is not bulk.u:
             raise ValueError("velocity is that of another function: expected Velocity(u)")
     given = None if velocity is None else velocity.origin
@@ -543,7 +523,7 @@ def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
 def _check_energy(energy: Any, mesh: Any) -> None:
     if energy is None:
         return
-    check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
+    errors.check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
     if energy.arguments():
         raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
     check_domain("energy", energy, mesh)
@@ -563,6 +543,6 @@ def check_step(dt: Any, time: float) -> None:
     Raises:
         ValueError: If the step is not allowed.
     """
-    check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
+    errors.check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
     expected = f"a step that the time {time:g} can resolve"
-    check_number("dt", dt, expected, lambda dt: time + dt > time and 0.0 < dt * dt < np.inf)
+    errors.check_number("dt", dt, expected, lambda dt: time + dt > time and 0.0 < dt * dt < np.inf)

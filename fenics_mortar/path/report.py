@@ -20,15 +20,13 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import needing_time
-from fenics_mortar.contact.law import Frictionless
+from fenics_mortar.contact.law import Frictionless, Row
 from fenics_mortar.equations.predictor import loads_of
 from fenics_mortar.obstacles.rigid_motion import motion_between
+from fenics_mortar.utils import files, ranks
 from fenics_mortar.utils.arrays import TINY, Array
-from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.utils.ranks import on_any_rank
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.law import Row
     from fenics_mortar.equations.general import State
     from fenics_mortar.newton.loop import NewtonReport
     from fenics_mortar.problem import ContactProblem
@@ -218,7 +216,7 @@ class PathStep:
     work: Work
 
 
-class _OfSteps(Markdown):
+class _OfSteps(files.Markdown):
     """Base of records with accepted ``steps``, and ``failures`` after the last one; local."""
 
     steps: list[Any]
@@ -277,7 +275,7 @@ class PathReport(_OfSteps):
         reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
         reasons += [f"- {note}" for note in self.notes]
         head = ["step", "time", "size", "iterations", "active", "cuts", "contact work"]
-        return "\n".join([markdown_table(head, rows), *(["", *reasons] if reasons else [])])
+        return "\n".join([files.markdown_table(head, rows), *(["", *reasons] if reasons else [])])
 
     def __str__(self) -> str:
         """The table."""
@@ -508,7 +506,7 @@ class DynamicsReport(_OfSteps):
             cells += [f"{step.report.iterations[-1].num_active}", f"{len(step.failures)}"]
             cells += [f"{step.error:.1e}", f"{step.energies.kinetic:.5g}"]
             rows.append([*cells, f"{step.energies.strain:.5g}", f"{friction:.4g}"])
-        return markdown_table([*head, "strain energy", "work of friction"], rows)
+        return files.markdown_table([*head, "strain energy", "work of friction"], rows)
 
     def __str__(self) -> str:
         """The table, and the remark if there is one."""
@@ -552,7 +550,7 @@ def remarks_on_idle(problem: ContactProblem, num_steps: int, *, changed: bool) -
         changed: Whether the loads changed on this rank.
     """
     timed = any(map(needing_time, problem.equations.floating.contacts))
-    if on_any_rank(problem.equations.comm, changed) or timed or num_steps < 2:
+    if ranks.on_any_rank(problem.equations.comm, changed) or timed or num_steps < 2:
         return []
     return [
         "set_loads changed no constant, function, prescribed value, obstacle or law of the "

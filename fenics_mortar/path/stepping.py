@@ -1,33 +1,31 @@
 # SPDX-License-Identifier: MIT
-"""Load steps of a path: adaptive sizes, rotations within a step, reasons for the end of the path.
+"""Load steps of a path: adaptive sizes, reasons for the end of the path.
 
 ``follow_path`` takes adaptive load steps: failed steps are reverted and reduced, steps with few
-iterations grow. ``loads_of_step`` evaluates the loads at times within a step, and
-``reason_for_end`` and ``describe_turning_point`` examine the last state of a path.
+iterations grow. ``reason_for_end`` and ``describe_turning_point`` examine the last state of a path.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial, wraps
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fenics_mortar.bulk.residual import MIN_FRACTION
-from fenics_mortar.contact.arcs import MAX_ROTATION
 from fenics_mortar.contact.contact import Contact, start_clock
 from fenics_mortar.contact.law import STICK
 from fenics_mortar.equations.arguments import EQUATIONS
 from fenics_mortar.equations.general import Kept, Snapshot, State, restored_if_interrupted
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.predictor import Predictor
+from fenics_mortar.equations.turns import loads_of_step
 from fenics_mortar.interface.mortar import LINEARIZATIONS
-from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.obstacles.rigid_motion import RIGID
 from fenics_mortar.path.report import (
     PathReport,
@@ -39,23 +37,11 @@ from fenics_mortar.path.report import (
     work_of,
 )
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import EPSILON, HALF_FACET, ROUNDING, Array, Indices, norms
-from fenics_mortar.utils.errors import (
-    MortarError,
-    NotConvergedError,
-    RaisedElsewhereError,
-    call_together,
-    check_flag,
-    check_kind,
-    check_number,
-    check_same_texts,
-    format_point,
-    together,
-)
-from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
-    from fenics_mortar.verify.node_paths import Turns
+    from fenics_mortar.newton.loop import NewtonReport
 
 # Largest number n of sliding nodes for which all 2^n combinations of stick and slip are tried.
 MAX_SLIDING = 8
@@ -72,9 +58,9 @@ def _restored(find: Callable[[ContactProblem], str]) -> Callable[[ContactProblem
         start = problem.state()
         try:
             return find(problem)
-        except RaisedElsewhereError:
+        except errors.RaisedElsewhereError:
             raise
-        except MortarError:
+        except errors.MortarError:
             return ""
         finally:
             problem.restore(start)
@@ -97,7 +83,7 @@ def reason_for_end(problem: ContactProblem) -> str:
     Args:
         problem: At the last equilibrium, with slightly advanced loads; its state is restored.
     """
-    slipping = agreed(problem.equations.comm, "; ".join(_slipping_off(problem)))
+    slipping = ranks.agreed(problem.equations.comm, "; ".join(_slipping_off(problem)))
     return slipping or _deadlock(problem)
 
 
@@ -136,8 +122,9 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             force = float(norms(contact.total_force[None])[0])
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
-                f"{format_point(o.x[j])}: their common length has decreased to {overlap:.1e} and "
-                f"still transfers a force of {force:.3g}; there is no equilibrium beyond"
+                f"{errors.format_point(o.x[j])}: their common length has decreased to "
+                f"{overlap:.1e} and still transfers a force of {force:.3g}; there is no "
+                "equilibrium beyond"
             )
 
 
@@ -149,9 +136,8 @@ def describe_jump(problem: ContactProblem, before: State) -> str:
         before: The state at the start of the step.
     """
     comm = problem.equations.comm
-    return agreed(comm, _past_each_other(problem, before)) or agreed(
-        comm, _slid_away(problem, before)
-    )
+    passed = ranks.agreed(comm, _past_each_other(problem, before))
+    return passed or ranks.agreed(comm, _slid_away(problem, before))
 
 
 def _past_each_other(problem: ContactProblem, before: State) -> str:
@@ -165,15 +151,13 @@ def _past_each_other(problem: ContactProblem, before: State) -> str:
         if not (isinstance(contact, Contact) and active.any()) or contact.active.any():
             continue
         o = contact.operators
-        behind = (
-            np.einsum("ja,ja->j", o.n, contact.partners.gap_vectors(o))
-            / contact.slave.nodal_lengths
-        )
+        vectors, lengths = contact.partners.gap_vectors(o), contact.slave.nodal_lengths
+        behind = np.einsum("ja,ja->j", o.n, vectors) / lengths
         j = int(np.argmax(np.where(active, behind, -np.inf)))
         if behind[j] > HALF_FACET:
             return (
                 f"'{contact.slave.name}' and '{contact.master.name}' jumped past each other at "
-                f"{format_point(o.x[j])}, by {behind[j]:.1f} facets in one step"
+                f"{errors.format_point(o.x[j])}, by {behind[j]:.1f} facets in one step"
             )
     return ""
 
@@ -230,7 +214,7 @@ def _deadlock(problem: ContactProblem) -> str:
         if not violated or not set(violated) <= set(sliding):
             return ""
         fewest = min(fewest, violated, key=len)
-    where = ", ".join(f"{format_point(contact.operators.x[j])}" for contact, j in fewest)
+    where = ", ".join(f"{errors.format_point(contact.operators.x[j])}" for contact, j in fewest)
     return (
         f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} combinations of stick "
         f"and slip violates the law of friction, at best only at {where}: no nearby state is in "
@@ -257,77 +241,6 @@ def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -
         changed = (contact.active != active) | (active & (contact.branch != branch))
         violated += [(contact, j) for j in np.flatnonzero(changed).tolist()]
     return violated
-
-
-# Times within a step, over its length [1]. They are not evenly spaced, so that at a constant rate
-# no number of full turns in the step is a number of full turns between all of them.
-WITHIN = (0.11, 0.36, 0.68)
-
-
-@contextmanager
-def loads_of_step(
-    problem: ContactProblem, set_loads: Callable[[float], None], start: float, stop: float
-) -> Iterator[None]:
-    """Context of a step with the loads of its end; refuses steps in which bodies turn far.
-
-    The ends of a step determine the rotation of a body up to full turns: a shaft turned by 300
-    degrees looks like one turned back by 60. Where loads are a function of the time, it is
-    evaluated at times within the step as well. The rotations of prescribed boundaries between
-    these, each of less than half a turn, are added up. The sizes of rotations are added, so that a
-    turn to and fro is found as well.
-
-    Collective.
-
-    Args:
-        problem: The problem.
-        set_loads: Function that sets loads and prescribed values for a time, on all ranks.
-        start: Time of the present state [time].
-        stop: Time at the end of the step [time].
-
-    Raises:
-        NotConvergedError: On all ranks, if one side of a pair turns by more than ``MAX_ROTATION``
-            relative to the other one; obstacles turn by known angles.
-        Exception: Any error of the function, also at times within the step.
-    """
-    led = problem.equations.crossings.led
-
-    def moved(time: float) -> Array:
-        set_loads(time)
-        return led.prescribed_positions()
-
-    if led.may_turn:
-        times = [*(start + fraction * (stop - start) for fraction in WITHIN), stop]
-        knots = [led.positions(), *map(moved, times)]
-        turns = [led.turns(*ends) for ends in pairwise(knots)]
-        for sides in sorted(led.sides):
-            _refuse_turns(problem, sides, turns)
-    else:
-        set_loads(stop)
-    led.examined = True
-    try:
-        yield
-    finally:
-        led.examined = False
-
-
-def _refuse_turns(problem: ContactProblem, sides: tuple[int, int], turns: list[Turns]) -> None:
-    """Raise an error if one of two bodies turns too far relative to the other one."""
-    led = problem.equations.crossings.led
-    relative = np.array([np.linalg.norm(led.relative(sides, turn)) for turn in turns])
-    total = float(np.abs(np.arctan2(np.sin(relative), np.cos(relative))).sum())
-    if total <= MAX_ROTATION:
-        return
-
-    def turned(side: int) -> float:
-        return sum(float(np.linalg.norm(turn[side])) for turn in turns if side in turn)
-
-    turning = problem.equations.floating.name_of(max(sides, key=turned))
-    reason = (
-        f"{turning} turns by at least {np.degrees(total):.0f} degrees in the step; the ends tell "
-        "the direction of slip and the bodies passed up to "
-        f"{np.degrees(MAX_ROTATION):.0f} degrees only: take smaller steps"
-    )
-    raise NotConvergedError(reason, NewtonReport(reason=reason))
 
 
 @dataclass(frozen=True)
@@ -367,9 +280,9 @@ class SteppingOptions:
             ("growth", self.growth, lambda growth: growth >= 1.0),
             ("cut", self.cut, lambda cut: 0.0 < cut < 1.0),
         ):
-            check_number(name, value, expected, allows)
-        check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
-        check_flag("predict", self.predict)
+            errors.check_number(name, value, expected, allows)
+        errors.check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
+        errors.check_flag("predict", self.predict)
         object.__setattr__(self, "step", min(self.step, largest))
 
 
@@ -466,20 +379,20 @@ def follow_path(
             logging.basicConfig()
             logging.getLogger("fenics_mortar").setLevel(logging.INFO)
     """
-    check_kind("problem", problem, ContactProblem, "a ContactProblem")
-    with together(problem.equations.comm, "follow_path"):
+    errors.check_kind("problem", problem, ContactProblem, "a ContactProblem")
+    with errors.together(problem.equations.comm, "follow_path"):
         check_steps(options, on_step)
         if not callable(set_loads):
             raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
         for name, value in (("start", start), ("stop", stop)):
-            check_number(name, value, "a finite number", np.isfinite)
+            errors.check_number(name, value, "a finite number", np.isfinite)
         if start > stop:
             raise ValueError(
                 f"start={start!r} is beyond stop={stop!r}: times increase; to unload, reduce the "
                 f"loads with time in set_loads"
             )
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
-    check_same_texts(problem.equations.comm, "follow_path", given)
+    errors.check_same_texts(problem.equations.comm, "follow_path", given)
     start_clock(problem.equations.contacts, start)
     steps = _LoadSteps(problem, (start, stop), options, set_loads)
     path: PathReport = steps.run(on_step)
@@ -491,7 +404,7 @@ def follow_path(
 def check_steps(options: Any, on_step: Any) -> None:
     """Reject options of another type, and an ``on_step`` that is no function (local)."""
     expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
-    check_kind("options", options, SteppingOptions, expected)
+    errors.check_kind("options", options, SteppingOptions, expected)
     if on_step is not None and not callable(on_step):
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
 
@@ -513,19 +426,18 @@ class Steps(ABC):
     report: Any
 
     def __init__(
-        self,
-        problem: ContactProblem,
-        ends: tuple[float, float],
-        options: SteppingOptions,
+        self, problem: ContactProblem, ends: tuple[float, float], options: SteppingOptions,
         set_loads: Any,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.problem, self.options, self.ends, self._set_loads = problem, options, ends, set_loads
         self.forces = forces_of(problem)
 
     def load(self, time: float) -> None:
         """Set the loads of a time [time]; errors of the user's function are raised on all ranks."""
         self.problem.time = time
-        call_together(self.problem.equations.comm, "set_loads", partial(self._set_loads, time))
+        errors.call_together(
+            self.problem.equations.comm, "set_loads", partial(self._set_loads, time)
+        )
 
     @abstractmethod
     def attempt(self, time: float, step: float) -> NewtonReport:
@@ -540,50 +452,49 @@ class Steps(ABC):
         """Add a step that ends at a time to the report; the longest next one [time]."""
 
     @abstractmethod
-    def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
+    def explain(self, time: float, step: float, failure: errors.NotConvergedError) -> str:
         """Message on the end of the steps at a time, after one of the smallest size failed."""
 
     def run(self, on_step: Callable[[float, NewtonReport], None] | None) -> Any:
         """Take the steps, see ``follow_path``; the report."""
-        problem, options, report = self.problem, self.options, self.report
+        problem, options, taken = self.problem, self.options, self.report
         (time, stop), step, lengths = self.ends, options.step, StepLengths()
         equations, comm = problem.equations, problem.equations.comm
 
         def accepted(time: float) -> Kept:
-            note = f"the problem is at time {time:.6g}, its last accepted step"
-            return Snapshot(equations), note
+            return Snapshot(equations), f"the problem is at time {time:.6g}, its last accepted step"
 
         with restored_if_interrupted(equations) as kept:
             while time < stop:
                 kept[0] = accepted(time)
                 step = min(step, stop - time)
-                rounded = len(report.steps) * EPSILON * abs(stop)  # as the sum of many steps is
+                rounded = len(taken.steps) * EPSILON * abs(stop)  # as the sum of many steps is
                 if stop - time - step < max(ROUNDING * step, rounded):
                     step = stop - time
                 try:
-                    given = problem, self.load, time, time + step
+                    given = equations, self.load, time, time + step
                     with nullcontext() if self._set_loads is None else loads_of_step(*given):
                         newton = self.attempt(time, step)
-                except NotConvergedError as failure:
+                except errors.NotConvergedError as failure:
                     problem.restore(kept[0][0].state)
-                    report.failures.append(failure.report)
+                    taken.failures.append(failure.report)
                     log_solve(comm, f"time {time + step:.6g}: cut, {failure}", failure.report)
                     if step <= options.smallest:
                         message = self.explain(time, step, failure)
-                        raise NotConvergedError(message, report) from failure
+                        raise errors.NotConvergedError(message, taken) from failure
                     lengths.cut(step)
                     step = max(options.cut * step, options.smallest)
                     continue
                 time = stop if step == stop - time else time + step
                 longest = self.accept(time, step, newton)
-                report.failures = []
+                taken.failures = []
                 kept[0] = accepted(time)
-                number = len(report.steps)
+                number = len(taken.steps)
                 log_solve(comm, f"step {number}, time {time:.6g}: {newton.reason}", newton)
                 if on_step is not None:
-                    call_together(comm, "on_step", partial(on_step, time, newton))
+                    errors.call_together(comm, "on_step", partial(on_step, time, newton))
                 step = lengths.following(step, longest)
-        return report
+        return taken
 
 
 class _LoadSteps(Steps):
@@ -614,7 +525,7 @@ class _LoadSteps(Steps):
         growth = options.growth if newton.num_iterations <= options.easy else 1.0
         return min(growth * step, options.largest or options.step)
 
-    def explain(self, time: float, step: float, failure: NotConvergedError) -> str:
+    def explain(self, time: float, step: float, failure: errors.NotConvergedError) -> str:
         """Why the path ends at a time; sets ``dead_end`` of the report."""
         turning_point = describe_turning_point(self.problem)
         self.load(min(time + MIN_FRACTION * self.options.step, self.ends[1]))
@@ -632,11 +543,11 @@ def _solve_soundly(problem: ContactProblem, before: State, may_cut: bool) -> New
     While the step may be cut, states that bodies may have reached by a passage are refused as well:
     in smaller steps bodies turn less, and their motion is known.
     """
-    report = problem.solve(accept_violations=True, predict=False, may_cut=may_cut)
-    doubts = report.certificate.possible_passages if may_cut else []
-    wrong = "; ".join([*report.certificate.violations(), *doubts])
+    newton = problem.solve(accept_violations=True, predict=False, may_cut=may_cut)
+    doubts = newton.certificate.possible_passages if may_cut else []
+    wrong = "; ".join([*newton.certificate.violations(), *doubts])
     wrong = wrong or describe_jump(problem, before)
     if wrong:
-        report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
-        raise NotConvergedError(report.reason, report)
-    return report
+        newton.converged, newton.reason = False, f"converged to a wrong state: {wrong}"
+        raise errors.NotConvergedError(newton.reason, newton)
+    return newton

@@ -13,13 +13,12 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import join_bodies, label_bodies
 from fenics_mortar.obstacles.rigid_motion import moments_of, turned
-from fenics_mortar.path.report import excess_of_trapezoids
+from fenics_mortar.path.report import Forces, Work, excess_of_trapezoids
 from fenics_mortar.utils.arrays import ROUNDING, Array, Flags, Indices
 from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.inertia import Inertia, Rates
-    from fenics_mortar.path.report import Forces, Work
     from fenics_mortar.problem import ContactProblem
 
 
@@ -301,8 +300,7 @@ class Corrections:
         impulses = [(internal, 0.0, 2.0), (pressures, -1.0, 1.0)]
         if self._conserves:
             for found in (None,) if pressures is None else (None, pressures):
-                part = self._free_part(rates.velocity, found)
-                impulses.append((part, -MAX_SCALING, MAX_SCALING))
+                impulses.append((self._free_part(rates.velocity, found), -MAX_SCALING, MAX_SCALING))
         for change, smallest, largest in impulses:
             if change is not None:
                 self._return_energy(change, smallest, largest, ROUNDING * work.largest)
@@ -444,9 +442,8 @@ class Corrections:
         missing = before.momentum + 0.5 * dt * (before.moment + after.moment) - after.momentum
         change = spinning(missing.T / self._size, free)
         added = inertia.product(change, rates.velocity + 0.5 * change)
-        inertia.rates = replace(
-            rates, velocity=rates.velocity + change, energy_deficit=rates.energy_deficit - added
-        )
+        lost = rates.energy_deficit - added
+        inertia.rates = replace(rates, velocity=rates.velocity + change, energy_deficit=lost)
         return without_spin(internal, free), without_spin(pressures, between)
 
     def _free_part(self, velocity: Array, pressures: Array | None) -> Array:

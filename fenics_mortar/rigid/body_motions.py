@@ -16,20 +16,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.bodies import (
-    FloatingBody,
-    PartMotion,
-    RemoteLoad,
-    centre_and_size,
-    find_floating_bodies,
-    join_bodies,
-    label_bodies,
-)
+from fenics_mortar.bulk import bodies as bulk_bodies
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.fields import ContactFields, normal_parts
 from fenics_mortar.contact.law import KINK
-from fenics_mortar.contact.rows import adhesion_at_gap, gap_rate, opening_rate, slip_rate, strength
+from fenics_mortar.contact.rows import adhesion_at_gap, change_along, strength
 from fenics_mortar.obstacles.rigid_motion import RIGID, TURNS, RigidMotion, rotation_less_one
 from fenics_mortar.rigid.complementarity import nearly_touching
 from fenics_mortar.rigid.proximal import unresisted
@@ -39,13 +31,14 @@ from fenics_mortar.utils.errors import NotFiniteError, format_point
 from fenics_mortar.utils.ranks import any_over_ranks, largest_over_ranks
 
 if TYPE_CHECKING:
+    from fenics_mortar.bulk.bodies import RemoteLoad
     from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.mesh.data import MeshData
 
 
 @dataclass(frozen=True)
-class BoundBody(FloatingBody):
+class BoundBody(bulk_bodies.FloatingBody):
     """A floating body in a problem, with its contacts and loads; all methods are collective.
 
     Attributes:
@@ -277,14 +270,14 @@ class BodyMotions:
         self.contacts = [contact for contact in contacts if isinstance(contact, Contact)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self._surface_parts: dict[int, Indices] = {}
-        self.parts, self.num_parts = label_bodies(bulk.V)
+        self.parts, self.num_parts = bulk_bodies.label_bodies(bulk.V)
         ties = [tie for tie in contacts if not isinstance(tie, Contact)]
         tied = [(tie.M, self.parts_of(tie.slave), self.parts_of(tie.master)) for tie in ties]
         at_boundaries = [(load, self._parts_at(nodes)) for load, nodes in boundaries]
         self._boundaries = [(load, int(parts[0])) for load, parts in at_boundaries]
         links = [pairs_joined(*each) for each in tied]
         links += [np.stack([some[:-1], some[1:]], axis=1) for _, some in at_boundaries]
-        self.body_of, self.num_bodies = join_bodies(self.num_parts, links)
+        self.body_of, self.num_bodies = bulk_bodies.join_bodies(self.num_parts, links)
         self.labels = self.body_of[self.parts]
         self._sections = self._separating(sections, ties, links)
         self._periodic = [  # bodies, and the translations of periodic ties
@@ -307,15 +300,17 @@ class BodyMotions:
 
     def _separating(
         self, sections: Mapping[Tie, RemoteLoad], ties: Sequence[Tie], links: Sequence[Indices]
-    ) -> dict[int, list[PartMotion]]:
+    ) -> dict[int, list[bulk_bodies.PartMotion]]:
         """Sections under pretension that separate bodies, by the labels of these."""
-        found: dict[int, list[PartMotion]] = {}
+        found: dict[int, list[bulk_bodies.PartMotion]] = {}
         for tie, load in sections.items():
             section = ties.index(tie)
-            side, _ = join_bodies(self.num_parts, [*links[:section], *links[section + 1 :]])
+            side, _ = bulk_bodies.join_bodies(
+                self.num_parts, [*links[:section], *links[section + 1 :]]
+            )
             slave, master = (int(self.parts_of(s)[0]) for s in (tie.slave, tie.master))
             if side[slave] != side[master]:
-                motion = PartMotion(load, tie.pair.axis, side == side[slave])
+                motion = bulk_bodies.PartMotion(load, tie.pair.axis, side == side[slave])
                 found.setdefault(int(self.body_of[slave]), []).append(motion)
         return found
 
@@ -330,11 +325,13 @@ class BodyMotions:
 
     def find(self) -> None:
         """Find floating bodies from the assembled ``K``; with inertia no body floats."""
-        found: list[FloatingBody] = []
+        found: list[bulk_bodies.FloatingBody] = []
         if self.bulk.inertia is None:
             flags = self.prescribed_otherwise
             bodies = self.labels, self.num_bodies
-            found = find_floating_bodies(self.bulk, *bodies, flags, self._sections, self.parts)
+            found = bulk_bodies.find_floating_bodies(
+                self.bulk, *bodies, flags, self._sections, self.parts
+            )
         for label, translation in self._periodic:
             found = [
                 body if body.label != label else body.without_rotation(translation)
@@ -389,7 +386,7 @@ class BodyMotions:
 
     # Forces
 
-    def repeats(self, body: FloatingBody) -> bool:
+    def repeats(self, body: bulk_bodies.FloatingBody) -> bool:
         """Whether ties make a body periodic in all directions: its place is free (local)."""
         moved = [translation for label, translation in self._periodic if label == body.label]
         return bool(moved) and bool(np.linalg.matrix_rank(moved) == self.bulk.space.dim)
@@ -436,7 +433,7 @@ class BodyMotions:
                     return f"body '{name}'"
         X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, : bulk.space.dim]
         mine = labels[: len(X)] == label
-        return f"the body around {format_point(centre_and_size(X[mine], bulk.comm)[0])}"
+        return f"the body around {format_point(bulk_bodies.centre_and_size(X[mine], bulk.comm)[0])}"
 
 
 def names_of(bodies: Iterable[BoundBody]) -> str:
@@ -473,7 +470,7 @@ def pairs_joined(M: Any, slave: Indices, master: Indices) -> Indices:
     return np.stack([slave[nodes.row], master[nodes.col]], axis=1)
 
 
-def by_body(bodies: Sequence[FloatingBody], values: Array) -> list[Array]:
+def by_body(bodies: Sequence[bulk_bodies.FloatingBody], values: Array) -> list[Array]:
     """The ``values`` (motions of all, ...) of each body [their unit] (local)."""
     return np.split(values, np.cumsum([len(body.motions) for body in bodies])[:-1])
 
@@ -516,11 +513,9 @@ def _bonds(contact: Contact) -> tuple[Flags, Flags]:
 
 
 def _responses(
-    contact: Contact,
-    some: Sequence[BoundBody],
-    response: Response,
+    contact: Contact, some: Sequence[BoundBody], response: Response,
     components: tuple[int, ...] = (),
-) -> Array:
+) -> Array:  # fmt: skip
     """Response of a pair to each rigid motion of some bodies, (motions, slave nodes, ...).
 
     Args:
@@ -540,3 +535,36 @@ def _responses(
             moved = (body.displacement(x, parts) for x, parts, _ in sides)
             own[:] = response(contact.now, *moved)
     return found
+
+
+def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Change of the mean gaps, (..., slave nodes); zero where not covered; see ``change_along``."""
+    return f.per_weight * change_along(f, f.operators.gap_derivative(), on_slave, on_master)
+
+
+def past_partners(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Motions of the nodes past their partners, (motions, nodes, dim) [length] (local).
+
+    Args:
+        f: Fields of the pair.
+        on_slave: Displacements of the slave nodes, shape (motions, nodes, dim) [length].
+        on_master: Displacements of the master nodes, likewise.
+    """
+    partners, both = f.state.partners, zip(on_slave, on_master, strict=True)
+    return np.array([partners.D @ own - partners.M @ other for own, other in both])
+
+
+def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Slip of the nodes along their partners, (motions, nodes) [length] (local).
+
+    In space along two tangents, (motions, nodes, 2); arguments as of ``past_partners``.
+    """
+    return f.along_tangents(past_partners(f, on_slave, on_master))
+
+
+def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Opening along n, against which the pressure does work, (motions, nodes) [length] (local).
+
+    This differs from the rate of the gap where n is not normal to both sides, as at corners.
+    """
+    return -normal_parts(f.operators.n, past_partners(f, on_slave, on_master))

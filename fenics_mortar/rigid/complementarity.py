@@ -9,24 +9,29 @@ contact can support rigid bodies, ``closest_move`` finds a move of these without
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 from scipy.sparse import coo_array, csr_array, hstack
 
-from fenics_mortar.contact.rows import largest_adhesion, strength
+from fenics_mortar.contact.rows import adhesion_at_gap, strength
 from fenics_mortar.obstacles.rigid_motion import RIGID
-from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING, Array, Flags, Indices
+from fenics_mortar.utils.arrays import MAX_STEPS, SOLVED, SUM_ROUNDING, nonnegative_least_squares
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
+    from fenics_mortar.contact.fields import ContactFields
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 # Numbers of directions of slip in space, tried in turn [1]: with 32 the limit loads of inner and
 # outer polygon differ by 0.5 %, as the error of the discretization.
 DIRECTIONS = (8, 16, 32)
+
+# Resistance of rigid motions over that of all loads [1], by which bodies stay that nothing pushes.
+LAZY = 1e-3
 
 
 class FrictionProblem(NamedTuple):
@@ -369,13 +374,11 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     if size == 0.0:
         return np.zeros(loads.size)
     if touching.slip.ndim == 2:
-        return _largest_work(loads, touching, np.stack([touching.slip, -touching.slip], axis=1))
+        return _largest_work(loads, touching, _slips_along(touching))
     friction = touching.slope.any() or touching.shear.any()
     motion = np.zeros(loads.size)
     for count in DIRECTIONS if friction else (1,):
-        angles = 2.0 * np.pi / count * np.arange(count)
-        directions = np.stack([np.cos(angles), np.sin(angles)])
-        slips = np.einsum("ck,jcm->jkm", directions, touching.slip)
+        slips = _slips_along(touching, count)
         of_inner = _largest_work(loads, touching, slips)
         if not (friction and of_inner.any()):
             return of_inner
@@ -385,9 +388,69 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     return motion
 
 
+def _slips_along(touching: Touching, count: int = DIRECTIONS[0]) -> Array:
+    """Slips along both senses, in space along ``count`` directions, (n, k, m) [1] (local)."""
+    if touching.slip.ndim == 2:
+        return np.stack([touching.slip, -touching.slip], axis=1)
+    angles = 2.0 * np.pi / count * np.arange(count)
+    return np.einsum("ck,jcm->jkm", [np.cos(angles), np.sin(angles)], touching.slip)
+
+
+def motion_past(loads: Array, touching: Touching, gaps: Array, slips: Array) -> Array | None:
+    """Rigid motion without overlaps against which loads and friction do the least work (local).
+
+    The forces at nodes are those of an equilibrium, and friction there has the limits of these:
+
+        minimize  -w . v + sum_j s_j0 |u_j0 + u_j|,    g_j0 + g_j >= 0,
+
+    to which resistance of motions themselves is added, so that bodies stay that nothing pushes. It
+    is not negative without gaps. Bodies slide, tip over, and carry others along as they would. Only
+    in the plane.
+
+    Args:
+        loads: Resultants w of the loads in equilibrium with the contact forces, shape (m,) [force].
+        touching: The nodes with ``shear`` as the limit of friction, and ``slope`` zero.
+        gaps: Gaps g_j0 of the nodes, negative where they overlap, shape (n,) [length].
+        slips: Slips u_j0 of the nodes so far, shape (n,) [length].
+
+    Returns:
+        Coefficients of the motions, shape (m,) [length]; ``None`` if overlaps are inevitable.
+    """
+    count = loads.size
+    size = float(np.abs(loads).sum()) or 1.0
+    none, resists = np.zeros(count), np.full(count, LAZY * size)
+    lazy = Touching(np.zeros((count, count)), np.eye(count), none, resists, none)
+    every = Touching.joined([touching, lazy])
+    given = np.append(gaps, none), np.append(slips, none)
+    found = _most_work(loads, every, _slips_along(every), *given, None)
+    return found.x[:count] if found.success else None
+
+
 def _largest_work(loads: Array, touching: Touching, slips: Array) -> Array:
     """``unresisted_motion`` with the largest of the ``slips`` (n, k, m) [1] for |u_j|."""
-    size = float(np.abs(loads).sum())
+    none = np.zeros(len(slips))
+    found = _most_work(loads, touching, slips, none, none, 1.0)
+    if not found.success:
+        raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
+    # SOLVED is above the feasibility tolerance of the linear program, 1e-7
+    return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
+
+
+def _most_work(
+    loads: Array, touching: Touching, slips: Array, gaps: Array, slipped: Array,
+    largest: float | None,
+) -> Any:  # fmt: skip
+    """Motion with the most work of loads and least of friction, as scipy's ``linprog`` returns it.
+
+    Args:
+        loads: See ``unresisted_motion``, as ``touching``.
+        touching: The nodes.
+        slips: Rates whose largest at a node is |u_j|, shape (n, k, m) [1].
+        gaps: Gaps that may close, negative if they have to open, shape (n,) [length].
+        slipped: Slips so far, to which rates are added, in the plane only, shape (n,) [length].
+        largest: Bound of all coefficients [length]; ``None`` for none.
+    """
+    size = float(np.abs(loads).sum()) or 1.0
     work = (loads - touching.adhesion @ touching.opening) / size
     sticks, bounded = np.isinf(touching.slope), touching.shear > 0.0
     slope, count = np.where(sticks, 0.0, touching.slope)[:, None], int(bounded.sum())
@@ -399,20 +462,19 @@ def _largest_work(loads: Array, touching: Touching, slips: Array) -> Array:
     rows = hstack([rates, coo_array((-np.ones(rubbing.size), at), (rates.shape[0], count))])
     from scipy.optimize import linprog  # imported on first use: the import is slow
 
-    costs = np.concatenate([-work, touching.shear[bounded] / size])
-    bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count
-    found = linprog(
-        costs,
+    least = np.zeros(rows.shape[0])
+    least[: len(along) * gaps.size] = np.tile(gaps, len(along))
+    if slipped.any():
+        least[rates.shape[0] - rubbing.size :] = np.outer([-1.0, 1.0], slipped[bounded]).ravel()
+    bounds = [(-largest if largest else None, largest)] * loads.size
+    return linprog(
+        np.concatenate([-work, touching.shear[bounded] / size]),
         A_ub=rows,
-        b_ub=np.zeros(rows.shape[0]),
-        bounds=bounds,
+        b_ub=least,
+        bounds=[*bounds, *[(0.0, None)] * count],
         method="highs",
         options={"presolve": False},  # in scipy 1.10 it reports feasible programs as infeasible
     )
-    if not found.success:
-        raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
-    # SOLVED is above the feasibility tolerance of the linear program, 1e-7
-    return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
 
 
 def nearly_touching(contact: Contact) -> Flags:
@@ -486,43 +548,19 @@ def nearest_below(desired: Array, rows: Array, slack: Array) -> tuple[Array | No
     return (desired - scale * np.array(change) / last if last < -SUM_ROUNDING else None), pressed
 
 
-def nonnegative_least_squares(A: Array, b: Array) -> Array:
-    """The x >= 0 with the smallest |A x - b| (Lawson & Hanson 1974, ch. 23; local).
+def largest_adhesion(f: ContactFields) -> Array:
+    """Largest adhesion at gaps of up to a facet, shape (slave nodes,) [stress].
 
-    SciPy has the same method, but some releases (1.15) return points that are not stationary if
-    columns depend on one another, as those of the nodes of a facet under rigid motions do.
-
-    Args:
-        A: Shape (m, n), few rows [1].
-        b: Shape (m,) [1].
-
-    Returns:
-        x, shape (n,) [1]; the columns with x > 0 are linearly independent.
+    Elastic bonds pull as they open. The gap is found to a per cent, if there is one maximum.
     """
-    x, positive = np.zeros(A.shape[1]), list[int]()
-    refused = np.zeros(x.size, bool)  # columns that rounding alone lets enter
-    least = SUM_ROUNDING * np.linalg.norm(A, axis=0) * np.linalg.norm(b)
-    for _ in range(MAX_STEPS * x.size):
-        descent = A.T @ (b - A @ x)
-        descent[refused | (x > 0.0) | (descent <= least)] = 0.0
-        if not descent.any():
-            break
-        entering = int(descent.argmax())
-        solution = np.linalg.lstsq(A[:, [*positive, entering]], b, rcond=None)[0]
-        refused[entering] = solution[-1] <= 0.0
-        if refused[entering]:
-            continue
-        refused[:] = False
-        positive.append(entering)
-        while solution.min(initial=1.0) <= 0.0:  # columns leave at the boundary
-            now = x[positive]
-            reach = np.full(now.size, np.inf)
-            down = solution <= 0.0
-            reach[down] = now[down] / (now[down] - solution[down])
-            moved = now + reach.min() * (solution - now)
-            stays = (moved > 0.0) & (reach > reach.min())
-            x[positive] = np.where(stays, moved, 0.0)
-            positive = [j for j, kept in zip(positive, stays, strict=True) if kept]
-            solution = np.linalg.lstsq(A[:, positive], b, rcond=None)[0]
-        x[positive] = solution
-    return x
+    sizes = f.interface.slave.nodal_lengths
+    if not f.interface.pair.law.has_adhesion:
+        return 0.0 * sizes
+    gap, largest = 0.0 * sizes, adhesion_at_gap(f, 0.0 * sizes)
+    for ratio in 2.0 ** np.arange(-40.0, 1.0):
+        pull = adhesion_at_gap(f, ratio * sizes)
+        gap, largest = np.where(pull > largest, ratio * sizes, gap), np.maximum(pull, largest)
+    for ratio in 2.0 ** np.outer(0.5 ** np.arange(1.0, 8.0), [1.0, -1.0]).ravel():
+        pull = adhesion_at_gap(f, ratio * gap)
+        gap, largest = np.where(pull > largest, ratio * gap, gap), np.maximum(pull, largest)
+    return largest

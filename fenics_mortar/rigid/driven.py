@@ -43,9 +43,8 @@ from fenics_mortar.obstacles.rigid_motion import RIGID, TURNS, by_further_motion
 from fenics_mortar.rigid.complementarity import Touching, closest_move, touches, unresisted_motion
 from fenics_mortar.rigid.proximal import AnchoredSprings, unresisted
 from fenics_mortar.rigid.spread import BoundRigidBoundary, BoundSection, BoundSpreadLoad, Mover
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import ROUNDING, SUM_ROUNDING, Array, Flags
-from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
@@ -242,7 +241,7 @@ def by_spread(motion: Border, spread: Border, system: LinearSystem) -> Array:
 
     Its forces act on nodes that a rigid boundary prescribes, whose columns are -V.
     """
-    return -sum_over_ranks(system.comm, motion.columns @ spread.columns.T)
+    return -ranks.sum_over_ranks(system.comm, motion.columns @ spread.columns.T)
 
 
 def linearize_balance(motions: DrivenMotions, system: LinearSystem) -> Border:
@@ -495,7 +494,7 @@ class DrivenMotions:
                 obstacle.move(move)
                 moved[obstacle.name] = None
         free, move = moves[0]
-        raise MortarError(
+        raise errors.MortarError(
             f"{free.name} can {free.describe(move)} freely: its push drives it, and no contact "
             "stops it; prescribe that motion by move()"
         )

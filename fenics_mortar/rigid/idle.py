@@ -25,22 +25,15 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import centre_and_size
 from fenics_mortar.contact.rows import strength
-from fenics_mortar.obstacles.rigid_motion import RIGID, rigid_motions
-from fenics_mortar.rigid.body_motions import (
-    BoundBody,
-    bonded_motions,
-    by_body,
-    closing,
-    largest_multiplier,
-    names_of,
-)
+from fenics_mortar.obstacles.rigid_motion import RIGID, motion_between, rigid_motions
+from fenics_mortar.rigid import body_motions
 from fenics_mortar.rigid.complementarity import nearest_below, nearly_touching
-from fenics_mortar.rigid.floating import unsupported
+from fenics_mortar.rigid.floating import FloatingBodies, Moves, unsupported
 from fenics_mortar.utils.arrays import LAST_DIGITS, SOLVED, Array
+from fenics_mortar.utils.ranks import largest_over_ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.rigid.floating import FloatingBodies, Moves
 
 
 class IdleBodies:
@@ -51,13 +44,14 @@ class IdleBodies:
 
     Attributes:
         were_aside: Whether bodies were set aside since ``reset``.
+        first: Labels of the bodies that are set aside at the start of the solve, after ``find``.
     """
 
     def __init__(self, bodies: FloatingBodies) -> None:
         self._bodies = bodies
         self.were_aside, self._may_be_aside = False, True
-        self._unloaded: list[BoundBody] = []
-        self._first: set[int] = set()
+        self._unloaded: list[body_motions.BoundBody] = []
+        self.first: set[int] = set()
         self._readmissions = Counter[int]()
         self._home: Array = bodies.bulk.values
         self._before: dict[int, float] = {}
@@ -107,9 +101,9 @@ class IdleBodies:
             evaluate: As of ``evaluate``.
         """
         bodies = self._bodies
-        self._home, self._first = bodies.bulk.values.copy(), set()
+        self._home, self.first = bodies.bulk.values.copy(), set()
         self._before = {
-            body.label: largest_multiplier(c.z[body.at(c)] for c in bodies.contacts)
+            body.label: body_motions.largest_multiplier(c.z[body.at(c)] for c in bodies.contacts)
             for body in bodies.bodies
         }
         if not bodies.bodies:
@@ -117,7 +111,7 @@ class IdleBodies:
         bulk, _ = self.evaluate(evaluate)
         others = {body.label for body in bodies.bodies} - bodies.aside
         if bodies.aside and not (others and unsupported(bodies, bulk) & others):
-            self._first = bodies.aside
+            self.first = bodies.aside
         self._set_aside(())
 
     def give_way(self, moves: Moves) -> Moves:
@@ -151,24 +145,28 @@ class IdleBodies:
                 low, given = fraction, found
             fraction = 0.5 * (low + high)
         shortened = [(body, low * move) for body, move in moves]
-        return [*shortened, *zip(idle, by_body(idle, given), strict=True)]
+        return [*shortened, *zip(idle, body_motions.by_body(idle, given), strict=True)]
 
     def begin(self) -> None:
         """Set the bodies aside that are idle at the start of the solve."""
         if self._unloaded:
             self._readmissions.clear()
-            self._set_aside(self._first)
+            self._set_aside(self.first)
 
     def reach(self) -> float:
-        """Largest motion of a body that gives way to deformation in this solve [length].
+        """Largest motion of a body that gives way in this solve [length].
 
-        A body that other bodies push along in a prescribed rigid motion is pushed away; the
-        displacement of loaded floating bodies, and that of others without their rigid motion, is
-        not prescribed.
+        It may go along with prescribed rigid motions of bodies and obstacles, as on a tray, but by
+        no more, as a wedge that is squeezed out. The displacement of loaded floating bodies, and
+        that of others without their rigid motion, is not prescribed.
         """
-        bodies, largest = self._bodies, 0.0
+        bodies, largest, led = self._bodies, 0.0, 0.0
         if not bodies.aside:
             return largest
+        for c in bodies.contacts:
+            if c.obstacle is not None:
+                way = motion_between(c.accepted_partners.place, c.obstacle.place, c.arm)
+                led = max(led, float(np.linalg.norm(way)))
         bulk = bodies.bulk
         change = bulk.values - self._home
         floating = {body.label for body in bodies.bodies}
@@ -176,10 +174,13 @@ class IdleBodies:
         for label in range(bodies.num_bodies):
             mine = bodies.labels[:count] == label
             moved, X = change[bulk.space.owned_dofs[mine]], bulk.cells.X[:count][mine]
+            if label not in floating:
+                led = max(led, float(np.linalg.norm(moved, axis=1).max(initial=0.0)))
             if label not in floating or label in bodies.aside:
                 moved = _deformation(X, moved, bulk.comm)
             largest = max(largest, float(np.abs(moved).max(initial=0.0)))
-        return self._farthest(np.array([bulk.comm.allreduce(largest, MPI.MAX)]))
+        largest, led = largest_over_ranks(bulk.comm, [largest, led])
+        return (1.0 + SOLVED) * led + self._farthest(np.array([largest]))
 
     def describe_unsupported(self) -> list[str]:
         """Remarks, before ``end``, on bodies that nothing holds, with their free motions.
@@ -187,7 +188,7 @@ class IdleBodies:
         Contact forces do not hold them either: a gap may be closed without any. Adhesion holds
         without a force.
         """
-        bodies, found = self._bodies, dict[str, list[BoundBody]]()
+        bodies, found = self._bodies, dict[str, list[body_motions.BoundBody]]()
         idle = [
             body
             for body in bodies.bodies
@@ -195,21 +196,21 @@ class IdleBodies:
             and not bodies.repeats(body)
             and not body.is_loaded(self._before.get(body.label, 0.0))
         ]
-        for body in bonded_motions(idle):
+        for body in body_motions.bonded_motions(idle):
             aside = body.label in bodies.aside
             moved = aside and np.linalg.norm(self._motion(body)) > SOLVED * body.size
             where = "moved out of the way of other bodies" if moved else "left in place"
             found.setdefault(f"{body.describe_all()}: {where}", []).append(body)
         return [
-            f"nothing holds {names_of(group)}, and no contact force acts there; free to {how}; "
-            "if supports or loads were forgotten, check bcs and the residual"
+            f"nothing holds {body_motions.names_of(group)}, and no contact force acts there; free "
+            f"to {how}; if supports or loads were forgotten, check bcs and the residual"
             for how, group in found.items()
         ]
 
     def end(self) -> None:
         """End a solve or an attempt."""
         self._bodies.springs.remove_idle()
-        self._unloaded, self._first, self._driven = [], set(), set()
+        self._unloaded, self.first, self._driven = [], set(), set()
         self._set_aside(())
 
     # An iteration
@@ -238,7 +239,7 @@ class IdleBodies:
                 longest = RIGID.largest_move * min(body.size for body in idle)
                 fraction = min(longest / float(np.abs(move).max()), 1.0)
                 creeping += fraction == 1.0
-                for body, coefficients in zip(idle, by_body(idle, move), strict=True):
+                for body, coefficients in zip(idle, body_motions.by_body(idle, move), strict=True):
                     body.move(fraction * coefficients)
 
     def _bring_home(self) -> None:
@@ -285,7 +286,7 @@ class IdleBodies:
                 return
             self._readmit(_moved_by(rates[pressed], idle) or idle)
 
-    def _may_be_idle(self, body: BoundBody) -> bool:
+    def _may_be_idle(self, body: body_motions.BoundBody) -> bool:
         """Whether a body has contacts, each with one other body, without adhesion or driven force.
 
         A node that faces several bodies would press on idle ones, too.
@@ -303,7 +304,7 @@ class IdleBodies:
         return bool(contacts)
 
     @property
-    def _idle(self) -> list[BoundBody]:
+    def _idle(self) -> list[body_motions.BoundBody]:
         """The bodies that are set aside."""
         return [body for body in self._unloaded if body.label in self._bodies.aside]
 
@@ -312,9 +313,9 @@ class IdleBodies:
         contacts = self._bodies.contacts
         return np.concatenate([values(c)[c.set_aside & c.now.covered] for c in contacts])
 
-    def _rates(self, some: Sequence[BoundBody]) -> Array:
+    def _rates(self, some: Sequence[body_motions.BoundBody]) -> Array:
         """Closing rates of the nodes set aside due to motions of bodies, (n, motions) [1]."""
-        return np.asarray(self._at_idle(lambda contact: closing(contact, *some).T))
+        return np.asarray(self._at_idle(lambda contact: body_motions.closing(contact, *some).T))
 
     def _farthest(self, overlaps: Array) -> float:
         """Largest motion of bodies that give way, for overlaps (n,) where they were [length]."""
@@ -333,7 +334,7 @@ class IdleBodies:
             float(np.abs(c.operators.x).max(initial=0.0)) for c in self._bodies.contacts
         )
 
-    def _motion(self, body: BoundBody) -> Array:
+    def _motion(self, body: body_motions.BoundBody) -> Array:
         """Rigid motion of a body since the start of the solve, (motions,) [length]."""
         bulk = self._bodies.bulk
         return body.rigid_fraction((bulk.values - self._home)[: bulk.num_owned])
@@ -350,7 +351,7 @@ class IdleBodies:
                     aside |= body.at(contact)
             contact.leave_out(aside)
 
-    def _readmit(self, bodies: Iterable[BoundBody]) -> None:
+    def _readmit(self, bodies: Iterable[body_motions.BoundBody]) -> None:
         """Let bodies take part in contact again."""
         labels = {body.label for body in bodies}
         self._readmissions.update(labels)
@@ -366,12 +367,12 @@ def _deformation(X: Array, u: Array, comm: MPI.Comm) -> Array:
     return u - (fit @ rigid).reshape(u.shape)
 
 
-def _moved_by(rates: Array, idle: Sequence[BoundBody]) -> list[BoundBody]:
+def _moved_by(rates: Array, idle: Sequence[body_motions.BoundBody]) -> list[body_motions.BoundBody]:
     """Idle bodies whose motions change the gaps with these rates, (n, motions of all) [1]."""
-    parts = by_body(idle, np.abs(rates).max(axis=0))
+    parts = body_motions.by_body(idle, np.abs(rates).max(axis=0))
     return [body for body, part in zip(idle, parts, strict=True) if part.any()]
 
 
-def _longest(bodies: Sequence[BoundBody], moves: Array) -> float:
+def _longest(bodies: Sequence[body_motions.BoundBody], moves: Array) -> float:
     """Largest norm of the moves of bodies, (motions of all,) [length]."""
-    return max(float(np.linalg.norm(move)) for move in by_body(bodies, moves))
+    return max(float(np.linalg.norm(move)) for move in body_motions.by_body(bodies, moves))

@@ -34,6 +34,7 @@ class SpringForce(NamedTuple):
         slides: Whether all its nodes with friction slide.
         how: The motion by which it stretches the springs; "" without a force.
         tips: Whether sticking of all its nodes could not prevent this motion either.
+        closed: Whether it slides, and all its nodes that face another surface are in contact.
     """
 
     name: str
@@ -41,6 +42,7 @@ class SpringForce(NamedTuple):
     slides: bool
     how: str
     tips: bool
+    closed: bool
 
     def __str__(self) -> str:
         """The force in words."""
@@ -75,11 +77,13 @@ class Remaining(NamedTuple):
         sliding: Largest such force on bodies whose nodes with friction all slide [1].
         message: A sentence with the names of the bodies and obstacles on which springs carry more
             than a slight force; "" without one.
+        endless: As ``sliding``, if no open node faces another surface, which could stop the slide.
     """
 
     fraction: float
     sliding: float
     message: str
+    endless: float = 0.0
 
     def may_remain(self, largest: float = RIGID.negligible) -> bool:
         """Whether no force is above ``largest``, nor above a slight one on a body that slides."""
@@ -132,36 +136,36 @@ def _solve_on(run: _OnSprings) -> NewtonReport:
     begin = equations.state()
     report, first, nearest = run.move(failed.report, NOWHERE)
     arrived, carried = equations.state(), equations.springs.remaining()
-    try:
-        return run.without(report)
-    except NotConvergedError as error:
-        report = error.report
+    if not run.topples(carried):
+        try:
+            return run.without(report)
+        except NotConvergedError as error:
+            report = error.report
     slides = carried.fraction <= RIGID.negligible and not carried.may_remain()
-    if carried.fraction > RIGID.slight and not slides:
+    if carried.fraction > RIGID.slight and not (slides or run.topples(carried)):
         equations.restore(arrived if carried.fraction < np.inf else begin)
         aim = RIGID.elongation if carried.fraction < np.inf else first
         try:
             report, _, nearest = run.move(report, nearest, balanced=True, aim=aim)
             arrived, carried = equations.state(), equations.springs.remaining()
-            return run.without(report)
+            if not run.topples(carried):
+                return run.without(report)
         except NotConvergedError as error:
             report = error.report
     repeats = RIGID.repeats
     if carried.fraction > RIGID.slight and nearest.state is not None:
         arrived, repeats = nearest.state, 1  # no equilibrium was on the way
+    elif run.topples(carried):
+        raise NotConvergedError(failed.report.reason, report)
     equations.restore(arrived)
     again = NotConvergedError(failed.report.reason, report)
     return solve_with_weak_springs(equations, options, again, repeats=repeats)
 
 
 def solve_with_weak_springs(
-    equations: Any,
-    options: NewtonOptions,
-    failed: NotConvergedError,
-    *,
-    repeats: int = 1,
+    equations: Any, options: NewtonOptions, failed: NotConvergedError, *, repeats: int = 1,
     max_fraction: float = RIGID.negligible,
-) -> NewtonReport:
+) -> NewtonReport:  # fmt: skip
     """Solve with weak springs that remain (collective).
 
     Args:
@@ -189,7 +193,8 @@ def solve_with_weak_springs(
             raise NotConvergedError(f"{failed}; {reason}", report) from failed
     carried = equations.springs.remaining()
     if not carried.may_remain(max_fraction):
-        raise NotConvergedError(f"{failed}; {carried.message}", report) from failed
+        reasons = [str(failed), carried.message][:: -1 if carried.sliding > RIGID.slight else 1]
+        raise NotConvergedError("; ".join(reasons), report) from failed
     return report
 
 
@@ -212,13 +217,9 @@ class _OnSprings:
         return then_solve(report, partial(solve, self.equations, self.options))
 
     def move(
-        self,
-        report: NewtonReport,
-        nearest: Nearest,
-        *,
-        balanced: bool = False,
+        self, report: NewtonReport, nearest: Nearest, *, balanced: bool = False,
         aim: float = RIGID.elongation,
-    ) -> tuple[NewtonReport, float, Nearest]:
+    ) -> tuple[NewtonReport, float, Nearest]:  # fmt: skip
         """Solve with springs until their elongation vanishes, at most ``RIGID.max_solves`` times.
 
         Springs that carry negligible forces become weaker, down to the elongation ``aim`` by these
@@ -230,7 +231,8 @@ class _OnSprings:
         body have failed then: Newton's method has jumped. The first elongation is ``aim``.
 
         Bodies may not come to rest, such as a ball without friction, which the error of the contact
-        forces turns forever.
+        forces turns forever. If they tip over, see ``topples``, by ever larger forces in
+        ``RIGID.max_toppling`` successive solves, the way leads to no equilibrium nearby, and ends.
 
         Returns:
             The record of all iterations; the elongation of the first solve that did not fail (with
@@ -240,7 +242,7 @@ class _OnSprings:
         tolerance = max(SOLVED, self.options.residual_tolerance)
         rough = replace(self, options=replace(self.options, residual_tolerance=tolerance))
         springs, failures, first = self.equations.springs, 0, None
-        share = 1.0
+        share, slides, before, toppling = 1.0, [0.0], 0.0, 0
         for _ in range(RIGID.max_solves):
             report, reason = rough.anchored(report, aim, touched=balanced, share=share)
             if reason:
@@ -255,7 +257,14 @@ class _OnSprings:
                 self.tips.extend([tips] * (tips != ""))
             rests = springs.max_motion() < RIGID.overlap * aim / RIGID.elongation
             carried = springs.remaining()
+            slides.append(carried.endless)
+            if _are_steady(slides[-RIGID.steady :]):
+                raise NotConvergedError(f"{carried.message}; {self.failed}", report)
             if rests and not (balanced and carried.fraction > RIGID.slight):
+                break
+            grows = carried.fraction > before and self.topples(carried)
+            before, toppling = carried.fraction, toppling + 1 if grows else 0
+            if toppling == RIGID.max_toppling:
                 break
             if carried.fraction <= nearest.fraction / RIGID.recovery:
                 nearest = Nearest(carried.fraction, self.equations.state())
@@ -263,6 +272,10 @@ class _OnSprings:
             aim = aim if rests else min(aim, RIGID.elongation)
             share = share / RIGID.recovery if carried.may_remain() else 1.0
         return report, first or aim, nearest
+
+    def topples(self, carried: Remaining) -> bool:
+        """Whether loads tip bodies over that springs hold by more than the error of contact."""
+        return carried.fraction > RIGID.normals_err and self.equations.springs.tipping() != ""
 
     def anchored(
         self, report: NewtonReport, aim: float, *, touched: bool, share: float = 1.0
@@ -290,6 +303,14 @@ class _OnSprings:
             report, reason = error.report, str(error) or "not converged"
         equations.restore(start)
         return report, reason
+
+
+def _are_steady(forces: Sequence[float]) -> bool:
+    """Whether the last forces of springs over those of contact do not decrease (local)."""
+    least, largest = min(forces), max(forces)
+    return len(forces) == RIGID.steady and least > max(
+        RIGID.negligible, (1.0 - RIGID.overlap) * largest
+    )
 
 
 @dataclass(frozen=True)
@@ -391,14 +412,20 @@ class AnchoredSprings:
             return []
         bodies, forces = self._bodies.bodies, self.on_bodies()
         contact = sum(body.contact_force() for body in bodies)
+        shear = self._equations.residual.contact_force("shear")
         found = [
             carried_by(
-                body, -body.resultant(forces), body.rounding(contact), body.loose(rough=True)
+                body, -body.resultant(forces), body.resultant(shear), body.rounding(contact),
+                body.loose(rough=True),
             )
             for body in bodies
-        ]
+        ]  # fmt: skip
         on_obstacles = zip(self._motions.on_contacts, self.on_motions(), strict=False)
-        return found + [carried_by(each, on) for each, on in on_obstacles if each.driven.any()]
+        return found + [
+            carried_by(each, on, -each.force("shear"))
+            for each, on in on_obstacles
+            if each.driven.any()
+        ]
 
     def remaining(self) -> Remaining:
         """Forces of the springs over contact forces."""
@@ -408,6 +435,7 @@ class AnchoredSprings:
             max((each.fraction for each in carried), default=0.0),
             max((each.fraction for each in carried if each.slides), default=0.0),
             f"{', '.join(map(str, held))}: {_reason(held)}" if held else "",
+            max((each.fraction for each in carried if each.closed), default=0.0),
         )
 
     def tipping(self) -> str:
@@ -443,6 +471,13 @@ def _reason(held: Sequence[SpringForce]) -> str:
             f"all nodes with friction of {', '.join(sliding)} slide at their friction limit, which "
             "the loads exceed; reduce these, or prescribe the motion"
         )
+    unbalanced = ", ".join(each.name for each in held if each.fraction > RIGID.normals_err)
+    if unbalanced:
+        return (
+            f"the loads on {unbalanced}, with the pushes of obstacles, are not in balance, and no "
+            "contact resists what is left of them: balance them, add a support, or prescribe the "
+            "motion of one obstacle instead of its push"
+        )
     return (
         "this may be no equilibrium: either loads drive the motion slightly, or the corners of the "
         "facets do, along whose averaged normals forces act; add a support, prescribe the motion, "
@@ -466,13 +501,14 @@ def anchored_stiffness(drive: Array, err: float, length: float, stiffness: float
 
 
 def carried_by(
-    mover: Any, springs: Array, rounding: float = 0.0, free: Array | None = None
+    mover: Any, springs: Array, shear: Array, rounding: float = 0.0, free: Array | None = None
 ) -> SpringForce:
     """What springs carry of the force on a body or obstacle (collective).
 
     Args:
         mover: The body or obstacle.
         springs: Force of the springs along its motions, shape (motions,) [stress length].
+        shear: Force of friction along them, shape (motions,) [stress length].
         rounding: Force that is considered zero [stress length].
         free: Orthonormal motions that contact of any friction admits, (n, motions) [1].
     """
@@ -483,9 +519,16 @@ def carried_by(
         any((getattr(contact, marks) & mover.at(contact)).any() for contact in mover.contacts)
         for marks in ("sticking", "sliding")
     )
+    slides = slides and not sticks
+    driven = shear @ springs >= 0.0  # by friction, which ends with the slip
+    closed = (slides and not driven) and all(
+        bool((c.active | ~c.now.has_partner)[mover.at(c)].all()) for c in mover.contacts
+    )
     how = mover.describe(springs, directed=True) if acts else ""
     tips = free is not None and bool(np.linalg.norm(free @ springs) > RIGID.slight * contact)
-    return SpringForce(mover.name, fraction if acts else 0.0, slides and not sticks, how, tips)
+    return SpringForce(
+        mover.name, fraction if acts else 0.0, slides and not sticks, how, tips, closed
+    )
 
 
 def tangent_stiffness(drive: Array, force: float) -> float:

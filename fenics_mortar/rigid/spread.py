@@ -16,23 +16,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.bulk.bodies import RemoteLoad, products
-from fenics_mortar.interface.surfaces import outward_normals
+from fenics_mortar.bulk.bodies import FloatingBody, RemoteLoad
+from fenics_mortar.interface.surfaces import Surface, outward_normals
 from fenics_mortar.interface.traces import extract_surface
 from fenics_mortar.la.sparse import BlockMatrix, Border
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles import rigid_motion
 from fenics_mortar.rigid.proximal import tangent_stiffness
-from fenics_mortar.utils import errors
+from fenics_mortar.utils import compat, errors, ranks
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, Array, Flags, Indices, Numbers, norms
-from fenics_mortar.utils.ranks import sum_over_ranks
 
 if TYPE_CHECKING:
-    from fenics_mortar.bulk.bodies import FloatingBody
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.interface.surfaces import Surface
     from fenics_mortar.la.system import LinearSystem
     from fenics_mortar.mesh.space import DisplacementSpace
 
@@ -143,9 +140,7 @@ class BoundaryMotion(rigid_motion.RigidMotion):
         self.data, own = data, type(self).__name__
         with errors.together(data.mesh.comm, own):
             given = joined_names(boundary) if name is None else name
-            super().__init__(
-                given, rigid_motion.check_vector("pivot", pivot, data.mesh.geometry.dim)
-            )
+            super().__init__(given, errors.check_vector("pivot", pivot, data.mesh.geometry.dim))
             self.tags = data.boundary_tags(boundary)
         here = {"boundary": self.tags, "pivot": self.pivot, "name": self.name}
         errors.check_same_texts(data.mesh.comm, own, here)
@@ -598,7 +593,7 @@ class BoundRigidBoundary(Mover, RemoteLoad):
 
     def _along_motions(self, forces: Array) -> Array:
         """V . ``forces`` (k, 2) of the owned nodes, summed over ranks, shape (3,) (collective)."""
-        return sum_over_ranks(self._comm, np.einsum("kmc,kc->m", self._velocities(), forces))
+        return ranks.sum_over_ranks(self._comm, np.einsum("kmc,kc->m", self._velocities(), forces))
 
     def constant_force(self) -> Array:
         """Forces of the bodies alone along the motions, (3,) [stress length] (collective)."""
@@ -638,7 +633,7 @@ class BoundRigidBoundary(Mover, RemoteLoad):
     def _products(self) -> Array:
         """Products of the motions of all nodes, shape (3, 3) [1] (collective)."""
         V = self._velocities()
-        return sum_over_ranks(self._comm, np.einsum("kmc,knc->mn", V, V))
+        return ranks.sum_over_ranks(self._comm, np.einsum("kmc,knc->mn", V, V))
 
     def _levers(self) -> Array:
         """Owned nodes minus the pivot, shape (k, 2) [length]."""
@@ -652,7 +647,7 @@ class BoundRigidBoundary(Mover, RemoteLoad):
 
     def take_bulk_rows(self) -> None:
         """Store V^T K, before contact changes K (collective)."""
-        self._by_bulk = products(self._bulk.K, self.nodal_motions(), transpose=True)
+        self._by_bulk = compat.products(self._bulk.K, self.nodal_motions(), transpose=True)
 
     def nodal_motions(self) -> Array:
         """V at the owned dofs, zero elsewhere, shape (3, owned dofs) [1]."""
@@ -670,7 +665,7 @@ class BoundRigidBoundary(Mover, RemoteLoad):
         moments = np.einsum("ka,kb->ab", self._forces(), self._levers()) / self.arm**2
         twice, moments = (
             rigid_motion.TURNS[dim][:, None] @ rigid_motion.TURNS[dim],
-            sum_over_ranks(self._comm, moments),
+            ranks.sum_over_ranks(self._comm, moments),
         )
         corner[dim:, dim:] = np.einsum("ijab,ab->ij", twice, moments)
         return border
@@ -682,8 +677,8 @@ def _by_contact(system: LinearSystem, V: Array) -> Array:
     K_c = BlockMatrix(system.comm, size, size).assemble(system.force_derivative())
     B_T = BlockMatrix(system.comm, *sizes).assemble(system.force_blocks())
     scales = system.collect(contact.components.scale for contact in system.contacts)
-    by_z = products(B_T, V, transpose=True) / scales
-    found = np.hstack([products(K_c, V, transpose=True), by_z])
+    by_z = compat.products(B_T, V, transpose=True) / scales
+    found = np.hstack([compat.products(K_c, V, transpose=True), by_z])
     K_c.destroy()
     B_T.destroy()
     return found

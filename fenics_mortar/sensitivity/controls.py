@@ -16,22 +16,14 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
 from fenics_mortar.sensitivity.history import Before, OfPair, contact_of
-from fenics_mortar.sensitivity.partials.fields import fields_by_shape
-from fenics_mortar.sensitivity.partials.history import (
-    PairMemory,
-    by_parameter,
-    change_of_memory,
-    change_of_rows,
-    parameter,
-)
-from fenics_mortar.sensitivity.protocols import Control, PairControl
+from fenics_mortar.sensitivity.partials import history
+from fenics_mortar.sensitivity.partials.fields import Changes, Matrix, fields_by_shape
+from fenics_mortar.sensitivity.protocols import Control, PairControl, Quantity, Values
 from fenics_mortar.utils import errors
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.fluxes import Flux
     from fenics_mortar.problem import ContactProblem
-    from fenics_mortar.sensitivity.partials.fields import Changes, Matrix
-    from fenics_mortar.sensitivity.protocols import Quantity, Values
     from fenics_mortar.utils.arrays import Array, Flags
 
 
@@ -53,7 +45,7 @@ class LawParameter(PairControl):
 
     def get(self, problem: ContactProblem) -> Array:
         """Present values (local), of shape () for a single number [their unit]."""
-        return parameter(contact_of(problem.equations, self.pair), self.parameter)
+        return history.parameter(contact_of(problem.equations, self.pair), self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """Set the ``values``, of the shape of ``get`` [their unit], equal on all ranks (local)."""
@@ -65,13 +57,17 @@ class LawParameter(PairControl):
 
     def rows(self, problem: ContactProblem, i: int, before: Before = None) -> Matrix:
         """Derivative of the rows of pair ``i``, one of ``pairs`` (collective)."""
-        return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_rows)
+        return history.by_parameter(
+            contact_of(problem.equations, i), self.parameter, history.change_of_rows
+        )
 
     def memory(
-        self, problem: ContactProblem, i: int, memory: PairMemory, before: Before = None
+        self, problem: ContactProblem, i: int, memory: history.PairMemory, before: Before = None
     ) -> Matrix:
         """Derivative of the memory of the law of pair ``i``, one of ``pairs`` (collective)."""
-        return by_parameter(contact_of(problem.equations, i), self.parameter, change_of_memory)
+        return history.by_parameter(
+            contact_of(problem.equations, i), self.parameter, history.change_of_memory
+        )
 
 
 class Offset(PairControl):

@@ -35,7 +35,7 @@ from fenics_mortar.bulk.checks import check_domain, check_subdomains
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.sensitivity.history import UNKNOWNS, PairOperator, check_exact, history_of
 from fenics_mortar.sensitivity.partials.fields import by_positions, check_positions, fields_by_state
-from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Quantity, Values
+from fenics_mortar.sensitivity.protocols import Combined, ContactQuantity, Control, Quantity, Values
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, check_same_texts, together
 
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from fenics_mortar.equations.general import ContactEquations
     from fenics_mortar.problem import ContactProblem
     from fenics_mortar.sensitivity.history import Before
-    from fenics_mortar.sensitivity.protocols import Control
     from fenics_mortar.utils.arrays import Array
 
 

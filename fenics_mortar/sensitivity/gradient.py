@@ -41,14 +41,13 @@ from fenics_mortar.sensitivity.controls import LawParameter, dot, explicit
 from fenics_mortar.sensitivity.forms import as_list, controls_of, put_owned, quantities_of, read
 from fenics_mortar.sensitivity.history import Before, Memories, StepHistory, StepMemory, added
 from fenics_mortar.sensitivity.objective import RecordedPath, evaluate, find_kinks, last, total
-from fenics_mortar.sensitivity.protocols import memory_by
+from fenics_mortar.sensitivity.protocols import Control, Quantity, memory_by
 from fenics_mortar.utils.errors import MortarError, together
 from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.sensitivity.objective import Kink, OverSteps
-    from fenics_mortar.sensitivity.protocols import Control, Quantity
     from fenics_mortar.utils.arrays import Array
 
 
@@ -261,11 +260,9 @@ def status_of(contact: Interface) -> Status:
 
 
 def flat_remarks(
-    contacts: Sequence[Interface],
-    statuses: Sequence[Sequence[Status]],
-    controls: Sequence[Control],
-    by_step: Sequence[Sequence[Array]],
-) -> tuple[str, ...]:
+    contacts: Sequence[Interface], statuses: Sequence[Sequence[Status]],
+    controls: Sequence[Control], by_step: Sequence[Sequence[Array]],
+) -> tuple[str, ...]:  # fmt: skip
     """Describe parameters of laws whose derivative is zero in a whole region (local).
 
     An objective may be flat. If all nodes in contact stick in all steps, a larger friction limit
@@ -493,11 +490,9 @@ def _direction_of(problem: ContactProblem, control: Control, given: Any, number:
 
 
 def _forwards(
-    path: RecordedPath,
-    quantities: Sequence[Quantity],
-    controls: Sequence[Control],
+    path: RecordedPath, quantities: Sequence[Quantity], controls: Sequence[Control],
     along: Sequence[Sequence[Array]],
-) -> tuple[Array, list[LinearVector], list[Kink]]:
+) -> tuple[Array, list[LinearVector], list[Kink]]:  # fmt: skip
     """Derivatives of the quantities' values and of the states, and kinks (collective)."""
     problem = path.problem
     derivatives = np.zeros((len(path.steps), len(quantities)))

@@ -27,22 +27,16 @@ from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.obstacles.rigid_motion import at_place
-from fenics_mortar.sensitivity.partials.fields import (
-    Layout,
-    Matrix,
-    fields_by_state,
-    through_fields,
-)
-from fenics_mortar.sensitivity.partials.history import history_of_pair, memory_of_pair
+from fenics_mortar.sensitivity.partials.fields import Layout, fields_by_state, through_fields
+from fenics_mortar.sensitivity.partials.history import PairHistory, history_of_pair, memory_of_pair
+from fenics_mortar.utils import errors, ranks
 from fenics_mortar.utils.arrays import ROUNDING, Array
-from fenics_mortar.utils.errors import MortarError, check_number
-from fenics_mortar.utils.ranks import agreed
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.fields import ContactFields
     from fenics_mortar.contact.interface import Interface
     from fenics_mortar.equations.general import ContactEquations, State
-    from fenics_mortar.sensitivity.partials.history import PairHistory
+    from fenics_mortar.sensitivity.partials.fields import Matrix
 
 
 @dataclass(frozen=True)
@@ -168,7 +162,7 @@ class OfPair:
             ValueError: If it is not a number of a pair.
         """
         expected = "the number of a pair, from 0 on"
-        check_number("pair", self.pair, expected, lambda i: i >= 0, whole=True)
+        errors.check_number("pair", self.pair, expected, lambda i: i >= 0, whole=True)
 
 
 def interface_of(equations: ContactEquations, i: int) -> Interface:
@@ -183,7 +177,7 @@ def interface_of(equations: ContactEquations, i: int) -> Interface:
         raise ValueError(f"pair {i!r}: expected a number from 0 to {count - 1}, in order of pairs")
     contact = equations.contacts[i]
     if contact.z.shape[1] > contact.slave.dim:
-        raise MortarError(
+        raise errors.MortarError(
             f"pair {i} ties fields: quantities of it have no derivatives; expected a UFL form"
         )
     return contact
@@ -210,12 +204,12 @@ def check_exact(contact: Any) -> None:
     terms = contact.operators.linearization
     if isinstance(contact, Contact) and contact.pair.sliding == "small":
         if (contact.now.decreases_fast & contact.attracted).any():
-            raise MortarError(
+            raise errors.MortarError(
                 "adhesion that decreases fast with the gap has no derivative with "
                 "sliding='small': expected sliding='finite'"
             )
     elif terms != EXACT:
-        raise MortarError(f"operators with {terms}: derivatives of a solution need {EXACT}")
+        raise errors.MortarError(f"operators with {terms}: derivatives of a solution need {EXACT}")
 
 
 Memories = dict[int, Array]
@@ -264,7 +258,7 @@ def history_of(e: ContactEquations, before: Before) -> StepHistory | None:
     if before is None:
         for contact in e.contacts:
             if has_history(contact):
-                raise MortarError(
+                raise errors.MortarError(
                     f"the slip of {contact.pair!r} depends on the control through the state before:"
                     " expected before=..."
                 )
@@ -315,10 +309,7 @@ def added(*memories: Memories) -> Memories:
 
 def has_history(contact: Any) -> bool:
     """Whether the rows of a pair depend on the state before (local)."""
-    if not isinstance(contact, Contact):
-        return False
-    law = contact.pair.law
-    return bool(law.has_friction or law.memory or law.needs_nodal_state)
+    return isinstance(contact, Contact) and contact.pair.law.needs_slip
 
 
 def fields_before(e: ContactEquations, i: int, contact: Contact, before: State) -> ContactFields:
@@ -338,16 +329,16 @@ def fields_before(e: ContactEquations, i: int, contact: Contact, before: State) 
     counts = contact.active | contact.pair.law.bridges_gap  # slip of others is of no effect
     difference = np.abs(found.gap_vectors(o) - given.gap_vectors(o))[counts].max(initial=0.0)
     difference = max(difference, np.abs(found.slip(o) - given.slip(o))[counts].max(initial=0.0))
-    difference = agreed(e.comm, float(difference))
+    difference = ranks.agreed(e.comm, float(difference))
     if difference <= ROUNDING * contact.slave.extent:
         return then
     if given.led is not None:
-        raise MortarError(
+        raise errors.MortarError(
             f"the bodies of {contact.pair!r} turned and carried nodes into contact: slip is "
             "counted from there, and its derivative by the state before is not available; take "
             f"steps in which bodies turn by less than {np.degrees(LEADS):.2f} degrees"
         )
-    raise MortarError(
+    raise errors.MortarError(
         f"the slip of {contact.pair!r} is not counted from the state before, but from one "
         f"that differs by {difference:.3g}: bodies or obstacles were moved before the solve, "
         "or the shape of an obstacle was changed; call accept() at the start of the path, so "

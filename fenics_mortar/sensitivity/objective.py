@@ -26,19 +26,12 @@ from dolfinx import fem
 from fenics_mortar.bulk.checks import refuse_history
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import GRAZE, KINK, Friction
-from fenics_mortar.equations.general import Snapshot, State, raise_cause, restored_if_interrupted
+from fenics_mortar.equations.general import Snapshot, State, restored_if_interrupted
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.spread import refuse_remote
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors
 from fenics_mortar.utils.arrays import LAST_DIGITS, Array, Flags
-from fenics_mortar.utils.errors import (
-    MortarError,
-    RaisedElsewhereError,
-    check_kind,
-    format_point,
-    together,
-)
 
 if TYPE_CHECKING:
     from fenics_mortar.sensitivity.protocols import Quantity
@@ -105,11 +98,11 @@ class RecordedPath:
     """
 
     def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
-        check_kind("problem", problem, ContactProblem, "a ContactProblem")
+        errors.check_kind("problem", problem, ContactProblem, "a ContactProblem")
         if problem.equations.bulk.inertia is not None:
-            raise MortarError("dynamics have no derivatives: expected a static problem")
+            raise errors.MortarError("dynamics have no derivatives: expected a static problem")
         if any(getattr(s, "heating", None) == "friction" for s in _settings(problem)):
-            raise MortarError(
+            raise errors.MortarError(
                 "heating='friction' has no derivatives: expected heating=None or a function of "
                 "pressure and position"
             )
@@ -184,11 +177,11 @@ class RecordedPath:
         try:
             yield
             renew = False
-        except MortarError as error:
-            renew = isinstance(error, RaisedElsewhereError)
+        except errors.MortarError as error:
+            renew = isinstance(error, errors.RaisedElsewhereError)
             raise
         except BaseException as error:
-            raise_cause(error)
+            errors.raise_cause(error)
         finally:
             equations.linearization = linearization
             self._put_values(present)
@@ -208,7 +201,7 @@ def check_solved(problem: ContactProblem) -> None:
     """
     e = problem.equations
     if not e.last_converged:
-        raise MortarError(
+        raise errors.MortarError(
             "the present state is not the result of a solve: record a state after solve()"
         )
     with restored_if_interrupted(e):
@@ -221,7 +214,7 @@ def check_solved(problem: ContactProblem) -> None:
     tolerance = e.newton.residual_tolerance
     allowed = SOLVED_FACTOR * max(tolerance * e.residual.force, e.residual.attainable)
     if not residual <= allowed:
-        raise MortarError(
+        raise errors.MortarError(
             f"the present state is not a solution: residual {residual:.1e}, allowed {allowed:.1e}. "
             "Displacement, loads, prescribed values, material or law were changed after solve(): "
             "record before changing them, or solve again"
@@ -287,12 +280,9 @@ def least_squares(measured: npt.ArrayLike, scale: npt.ArrayLike = 1.0) -> OverSt
 
 
 def evaluate(
-    path: RecordedPath,
-    quantities: Sequence[Quantity],
-    over_steps: OverSteps,
-    *,
-    everywhere: bool = False,
-) -> tuple[float, Array, Array]:
+    path: RecordedPath, quantities: Sequence[Quantity], over_steps: OverSteps,
+    *, everywhere: bool = False,
+) -> tuple[float, Array, Array]:  # fmt: skip
     """Objective, values of the quantities and their weights, (steps, quantities) (collective).
 
     Units are those of the quantities; weights have that of the objective over theirs [1 for sums].
@@ -315,7 +305,7 @@ def evaluate(
         path.go_to(number)
         before = path.before(number)
         values[number] = [quantity.value(problem, before) for quantity in quantities]
-    with together(problem.equations.comm, "over_steps"):
+    with errors.together(problem.equations.comm, "over_steps"):
         value, weights = _called(over_steps, values)
         if np.ndim(value) or weights.shape != shape:
             raise ValueError(
@@ -325,7 +315,7 @@ def evaluate(
         unknown = np.argwhere(np.isnan(values) & (weights != 0.0)).tolist()
         if unknown:
             step, number = unknown[0]
-            raise MortarError(
+            raise errors.MortarError(
                 f"quantity {number} has no value in step {step}, as where none of the slave nodes "
                 "of MeanGap faces the master within the search radius"
             )
@@ -397,8 +387,8 @@ class Kink:
     def __str__(self) -> str:
         """Node, change and distance as text."""
         return (
-            f"step {self.step}, pair {self.pair}: node {self.node} at {format_point(self.X)} "
-            f"{self.change} at a distance of {self.distance:.1e}"
+            f"step {self.step}, pair {self.pair}: node {self.node} at "
+            f"{errors.format_point(self.X)} {self.change} at a distance of {self.distance:.1e}"
         )
 
 

@@ -212,10 +212,10 @@ class PairQuantity(OfPair, ContactQuantity):
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
         """dJ/ds_{k-1}; ``None``, the default, or a vector without parts if it is zero."""
         by = self._of(interface_of(problem.equations, self.pair))[1]
-        history = history_of(problem.equations, before) if {"slip", "rubbing"} & set(by) else None
-        if history is None or self.pair not in history.pairs:
+        earlier = history_of(problem.equations, before) if {"slip", "rubbing"} & set(by) else None
+        if earlier is None or self.pair not in earlier.pairs:
             return None
-        gradient = through(by, history.pairs[self.pair].fields)
+        gradient = through(by, earlier.pairs[self.pair].fields)
         return from_pairs(problem.equations, {self.pair: gradient})
 
     def by_control(self, problem: ContactProblem, control: Any, before: Before = None) -> Values:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Arrays: types, read-only values, tolerances; points and segments near each other in the plane.
+"""Arrays: types, read-only values, tolerances, least squares; points and segments in the plane.
 
 The tolerances are relative differences below which numbers are considered equal.
 """
@@ -130,6 +130,21 @@ SMALL_ANGLE = 0.02
 MAX_STEPS = 60
 
 
+def descending(sizes: npt.ArrayLike) -> Indices:
+    """Numbers of ``sizes`` (n,) from the largest on (local).
+
+    Those that are equal when rounded to ``SOLVED`` are in their own order: rounding differs with
+    the number of ranks, which should not decide what a message names.
+    """
+    mantissas, exponents = np.frexp(np.asarray(sizes, float))
+    return np.argsort(-np.ldexp(np.rint(mantissas / SOLVED), exponents), kind="stable")
+
+
+def first_largest(sizes: npt.ArrayLike) -> int:
+    """Number of the largest of ``sizes`` (n,), the first of equal ones as in ``descending``."""
+    return int(descending(sizes)[0])
+
+
 def near(a: Array, b: Array, radius: float) -> tuple[Indices, Indices]:
     """Numbers i, j of all pairs with a distance of at most ``radius``, each (k,) (local).
 
@@ -209,3 +224,45 @@ def angles_between(a: Array, b: Array) -> Array:
 def cross_in_plane(a: Array, b: Array) -> Array:
     """Cross products of vectors (..., 2), shape (...) [product of their units] (local)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def nonnegative_least_squares(A: Array, b: Array) -> Array:
+    """The x >= 0 with the smallest |A x - b| (Lawson & Hanson 1974, ch. 23; local).
+
+    SciPy has the same method, but some releases (1.15) return points that are not stationary if
+    columns depend on one another, as those of the nodes of a facet under rigid motions do.
+
+    Args:
+        A: Shape (m, n), few rows [1].
+        b: Shape (m,) [1].
+
+    Returns:
+        x, shape (n,) [1]; the columns with x > 0 are linearly independent.
+    """
+    x, positive = np.zeros(A.shape[1]), list[int]()
+    refused = np.zeros(x.size, bool)  # columns that rounding alone lets enter
+    least = SUM_ROUNDING * np.linalg.norm(A, axis=0) * np.linalg.norm(b)
+    for _ in range(MAX_STEPS * x.size):
+        descent = A.T @ (b - A @ x)
+        descent[refused | (x > 0.0) | (descent <= least)] = 0.0
+        if not descent.any():
+            break
+        entering = int(descent.argmax())
+        solution = np.linalg.lstsq(A[:, [*positive, entering]], b, rcond=None)[0]
+        refused[entering] = solution[-1] <= 0.0
+        if refused[entering]:
+            continue
+        refused[:] = False
+        positive.append(entering)
+        while solution.min(initial=1.0) <= 0.0:  # columns leave at the boundary
+            now = x[positive]
+            reach = np.full(now.size, np.inf)
+            down = solution <= 0.0
+            reach[down] = now[down] / (now[down] - solution[down])
+            moved = now + reach.min() * (solution - now)
+            stays = (moved > 0.0) & (reach > reach.min())
+            x[positive] = np.where(stays, moved, 0.0)
+            positive = [j for j, kept in zip(positive, stays, strict=True) if kept]
+            solution = np.linalg.lstsq(A[:, positive], b, rcond=None)[0]
+        x[positive] = solution
+    return x

@@ -17,7 +17,7 @@ import logging
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -130,6 +130,21 @@ def keep_communicators(comm: MPI.Comm, *objects: Any) -> None:
 def _world_ranks(comm: MPI.Comm) -> tuple[int, ...]:
     """World ranks of a communicator (collective)."""
     return tuple(comm.allgather(MPI.COMM_WORLD.rank))
+
+
+def products(matrix: Any, vectors: Array, *, transpose: bool = False) -> Array:
+    """A PETSc matrix, or its transpose, times rows (k, owned) [matrix times row] (collective)."""
+    right, left = matrix.createVecs()
+    given, found = (left, right) if transpose else (right, left)
+    times = matrix.multTranspose if transpose else matrix.mult
+    result = np.empty((len(vectors), found.getLocalSize()))
+    for row, vector in zip(result, vectors, strict=True):
+        given.array[:] = vector
+        times(given, found)
+        row[:] = found.array_r
+    right.destroy()
+    left.destroy()
+    return result
 
 
 # PETSc and the form compiler
@@ -377,7 +392,7 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
     if not parts:
         raise ValueError("expected parts: each a family, a degree and, for vectors, the shape")
     if hasattr(ufl, "MixedElement"):
-        elements = [_element(mesh.ufl_cell(), *part) for part in parts]
+        elements = [_element(mesh, *part) for part in parts]
         return fem.FunctionSpace(mesh, ufl.MixedElement(*elements))
     basix_ufl = importlib.import_module("basix.ufl")
     elements = [
@@ -387,13 +402,13 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
     return fem.functionspace(mesh, basix_ufl.mixed_element(elements))
 
 
-def _element(cell: Any, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+def _element(
+    mesh: dmesh.Mesh, family: str, degree: int, shape: Sequence[int] = (), **rule: Any
+) -> Any:
     """Element of UFL until 2022, for values of a shape."""
-    if not shape:
-        return ufl.FiniteElement(family, cell, degree)
-    if len(shape) == 1:
-        return ufl.VectorElement(family, cell, degree, dim=shape[0])
-    return ufl.TensorElement(family, cell, degree, shape=tuple(shape))
+    kind = (ufl.FiniteElement, ufl.VectorElement, ufl.TensorElement)[len(shape)]
+    size = {"dim": shape[0]} if len(shape) == 1 else {"shape": tuple(shape)} if shape else {}
+    return kind(family, mesh.ufl_cell(), degree, **size, **rule)
 
 
 def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
@@ -413,10 +428,8 @@ def quadrature_space(mesh: dmesh.Mesh, degree: int, shape: tuple[int, ...]) -> f
     """
     check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
     if hasattr(ufl, "MixedElement"):
-        kind = (ufl.FiniteElement, ufl.VectorElement, ufl.TensorElement)[len(shape)]
-        size = {"dim": shape[0]} if len(shape) == 1 else {"shape": shape} if shape else {}
-        element = kind("Quadrature", mesh.ufl_cell(), degree, quad_scheme="default", **size)
-        return fem.FunctionSpace(mesh, element)
+        rule = {"quad_scheme": "default"}
+        return fem.FunctionSpace(mesh, _element(mesh, "Quadrature", degree, shape, **rule))
     basix_ufl = importlib.import_module("basix.ufl")
     element = basix_ufl.quadrature_element(cell_name(mesh), value_shape=shape, degree=degree)
     return fem.functionspace(mesh, element)
@@ -486,12 +499,8 @@ def _with_tags_of_their_kind(form: ufl.Form) -> ufl.Form:
     known = {kind: tags for _, kind, tags in given if tags is not None}
     if not any(tags is None and kind in known for _, kind, tags in given):
         return form
-    return ufl.Form(
-        [
-            i.reconstruct(subdomain_data=known.get(kind) if tags is None else tags)
-            for i, kind, tags in given
-        ]
-    )
+    parts = [i.reconstruct(subdomain_data=known.get(k) if t is None else t) for i, k, t in given]
+    return ufl.Form(parts)
 
 
 def create_matrix(a: fem.Form) -> PETSc.Mat:

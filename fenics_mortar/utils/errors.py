@@ -11,10 +11,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+from ufl.core.expr import Expr
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -259,6 +261,15 @@ def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
         raise ValueError(f"{name}={value!r}: expected one of {', '.join(allowed)}")
 
 
+def is_function(value: Any) -> bool:
+    """Whether a value is a function of numbers (local).
+
+    Constants, functions and other expressions of UFL are not, although they can be called: a call
+    with arrays may not end.
+    """
+    return callable(value) and not isinstance(value, Expr)
+
+
 def check_number(
     name: str, value: Any, expected: str, allows: Callable[[Any], bool], *, whole: bool = False
 ) -> None:
@@ -403,3 +414,27 @@ def check_direction(name: str, value: npt.ArrayLike, dim: int = 3) -> npt.NDArra
     if not np.linalg.norm(vector) > 0.0:
         raise ValueError(f"{name} is zero; expected a direction")
     return np.asarray(vector / np.linalg.norm(vector))
+
+
+def raise_cause(error: BaseException, *notes: str) -> NoReturn:
+    """Raise an error with notes, or the interruption that caused it; see ``as_interruption``."""
+    interruption = as_interruption(error)
+    for note in notes:
+        interruption.add_note(note)
+    if interruption is error:
+        raise error
+    raise interruption from error
+
+
+def as_interruption(error: BaseException) -> BaseException:
+    """Return a KeyboardInterrupt for an error that one in compiled code caused (local).
+
+    Numba reports an exception that is set during a call as a SystemError. Any other error is
+    returned unchanged.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, SystemError):
+        cause = cause.__cause__ or cause.__context__
+    if isinstance(error, SystemError) and isinstance(cause, KeyboardInterrupt):
+        return KeyboardInterrupt(*cause.args)
+    return error

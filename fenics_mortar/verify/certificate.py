@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,14 +25,14 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.reference import tabulate
 from fenics_mortar.interface.space_mortar import SpaceOperators
 from fenics_mortar.obstacles.rigid_motion import RIGID
-from fenics_mortar.rigid.body_motions import names_of
+from fenics_mortar.rigid.body_motions import BodyMotions, names_of
 from fenics_mortar.rigid.complementarity import Touching, nearly_touching
-from fenics_mortar.rigid.floating import moved_by_loads
+from fenics_mortar.rigid.floating import FloatingBodies, moved_by_loads
+from fenics_mortar.utils import files, ranks
 from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices
-from fenics_mortar.utils.files import Markdown, markdown_table
-from fenics_mortar.utils.ranks import agreed, from_all_ranks
 from fenics_mortar.verify.checks import Kind, checks
 from fenics_mortar.verify.checks.balance import balance_of_bodies
+from fenics_mortar.verify.checks.surface_rotation import turned_bodies
 from fenics_mortar.verify.finding import (
     INFINITE,
     LIMITS,
@@ -43,10 +43,6 @@ from fenics_mortar.verify.finding import (
     paired_nodes,
 )
 from fenics_mortar.verify.obstacle_passages import directions_across
-
-if TYPE_CHECKING:
-    from fenics_mortar.rigid.body_motions import BodyMotions
-    from fenics_mortar.rigid.floating import FloatingBodies
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,7 @@ VERDICTS = ("", "ok", "remark", "violation")
 
 
 @dataclass(frozen=True)
-class Certificate(Markdown):
+class Certificate(files.Markdown):
     """Measured defects of a state; prints as a Markdown table, one row per check.
 
     Attributes:
@@ -119,6 +115,7 @@ class Certificate(Markdown):
             determines the level of a scalar field, as messages.
         inverted_nodes: Remark on cells inverted at nodes alone, or with linear strains.
         rounded: Bodies whose reactions are inexact by rounding, as messages.
+        turned: Turned bodies with linear strains, as messages.
         dim: Dimension of the bodies.
     """
 
@@ -136,6 +133,7 @@ class Certificate(Markdown):
     unsupported: list[str] = field(default_factory=list)
     inverted_nodes: str = ""
     rounded: list[str] = field(default_factory=list)
+    turned: list[str] = field(default_factory=list)
     dim: int = 2
 
     @property
@@ -172,7 +170,7 @@ class Certificate(Markdown):
                 rows.setdefault(finding.name, []).append((column, finding))
         with_limits_first = sorted(rows.values(), key=lambda row: _verdict(row) == "")
         cells = [_cells(row, len(columns)) for row in with_limits_first]
-        table = markdown_table(head, cells, left=(0, len(head) - 1))
+        table = files.markdown_table(head, cells, left=(0, len(head) - 1))
         return "\n\n".join([table, *(self.violations() or self.remarks())])
 
     def _of_bodies(self) -> Iterator[Finding]:
@@ -200,6 +198,7 @@ class Certificate(Markdown):
         yield from _counted(
             "rounded", "bodies whose reactions are inexact by rounding", self.rounded, remark=0
         )
+        yield from _counted("turned", "turned bodies with linear strains", self.turned, remark=0)
         yield from _counted("unsupported", "bodies that nothing holds", self.unsupported, remark=0)
         for crossing in self.crossings:
             limits = crossing.admitted, crossing.remark
@@ -242,7 +241,7 @@ def certify(
         measured: Any = contact
         if isinstance(contact, Contact):
             measured = Measured(contact, paired, nodes, solved)
-        found = [each for check in checks(kind, bulk.space.dim) for each in check(measured)]
+        found = [each for check in checks(kind) for each in check(measured)]
         names = f"{contact.slave.name} - {contact.master.name}"
         pairs.append(PairCertificate(names, tuple(found)))
     raise_stored(bulk.comm, contacts)
@@ -250,8 +249,11 @@ def certify(
     balance, of_bodies = balance_of_bodies(bulk, contacts, floating.parts, unbalanced)
     rounded = _rounded_bodies(floating, of_bodies)
     at_nodes, dim = bulk.describe_inverted_nodes(), bulk.space.dim
-    whole = Certificate(pairs, balance, inverted, inverted_nodes=at_nodes, rounded=rounded, dim=dim)
-    return agreed(bulk.comm, whole)
+    whole = Certificate(
+        pairs, balance, inverted, inverted_nodes=at_nodes, rounded=rounded,
+        turned=turned_bodies(floating), dim=dim,
+    )  # fmt: skip
+    return ranks.agreed(bulk.comm, whole)
 
 
 def _rounded_bodies(floating: FloatingBodies, imbalances: Array) -> list[str]:
@@ -268,13 +270,9 @@ def _rounded_bodies(floating: FloatingBodies, imbalances: Array) -> list[str]:
 
 
 def _crossed(
-    facets: float,
-    message: str = "",
-    limit: float = LIMITS.penetration,
-    remark: float = LIMITS.coarse_penetration,
-    *,
-    advised: bool = False,
-) -> Finding:
+    facets: float, message: str = "", limit: float = LIMITS.penetration,
+    remark: float = LIMITS.coarse_penetration, *, advised: bool = False,
+) -> Finding:  # fmt: skip
     """The finding of a crossing of this depth, with its limits [facet lengths] (local).
 
     ``advised``: whether the message says what helps.
@@ -382,9 +380,7 @@ def _outward(x: Array, pair: Indices, sizes: Array) -> Array:
     return LIMITS.coarse_distance * (sizes / np.maximum(lengths, TINY))[:, None] * away
 
 
-def tipping_bodies(
-    bodies: BodyMotions, pairs: Sequence[PairCertificate], pushed: Array
-) -> list[str]:
+def tipping_bodies(bodies: BodyMotions, pairs: list[PairCertificate], pushed: Array) -> list[str]:
     """Describe floating bodies that would tip over an edge (collective).
 
     If the resultant of the pressures acts beyond the end of a master, see ``resultant``, the body
@@ -460,7 +456,7 @@ def _touching(bodies: BodyMotions, contact: Contact, loads: Array) -> Touching:
     slips = [np.einsum("mpc,pc->pm", rates, along) for along in directions_across(n)]
     along_tangents = slips[0] if len(slips) == 1 else np.stack(slips, axis=1)
     local = np.einsum("mpc,pc->pm", rates, n), along_tangents
-    opens, sliding = from_all_ranks(bodies.bulk.comm, local)
+    opens, sliding = ranks.from_all_ranks(bodies.bulk.comm, local)
     weight = contact.operators.weight
     covered = float(weight[near].sum())
     pressure = float(np.abs(loads).sum()) / covered if covered > 0.0 else 0.0

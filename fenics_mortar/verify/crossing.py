@@ -33,41 +33,31 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import extract_hull, extract_outline
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import depths_inside
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, Indices, at_rows
+from fenics_mortar.utils.arrays import HALF_FACET, at_rows, descending, first_largest
 from fenics_mortar.utils.errors import MeshError, format_point
+from fenics_mortar.verify import overlap, space_admitted
 from fenics_mortar.verify.finding import LIMITS, Crossing, paired_nodes
 from fenics_mortar.verify.node_paths import AcceptedPositions, LedBodies, StepEnds
 from fenics_mortar.verify.obstacle_passages import pairs_of_obstacles
-from fenics_mortar.verify.overlap import (
-    AdmittedDepth,
-    OutlineNames,
-    are_folds,
-    deepest_in_obstacle,
-    depths_of_obstacle,
-    slides_little,
-)
 from fenics_mortar.verify.passages import Passages, SpacePassages
-from fenics_mortar.verify.space_admitted import (
-    ACROSS,
-    ALWAYS,
-    TIP,
-    Kind,
-    Overlaps,
-    SpaceAdmitted,
-    find_overlaps,
-    remark_of,
-)
 from fenics_mortar.verify.space_obstacles import SpaceObstacle
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.curve_surface import Curve
     from fenics_mortar.rigid.body_motions import BodyMotions
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 # What a body without a pair with an obstacle needs.
 NO_PAIR = "; the body has no pair with this obstacle, which does not stop it: add a ContactPair"
 GOES_ON = ", or an obstacle in the place of this one that ends where its solid does"
+# What is wrong where boundary conditions hold both sides of a crossing.
+BOTH_HELD = (
+    "; boundary conditions prescribe nodes of both sides there, which no contact can keep apart: "
+    "end the motion before"
+)
 
 
 class Crossings:
@@ -77,6 +67,8 @@ class Crossings:
         bulk: The bulk equations.
         contacts: All pairs.
         floating: Bodies and their names.
+        others: For those without a pair alone: the bodies in pairs, shape (k,), whose overlaps with
+            each other do not count.
 
     Attributes:
         accepted: Positions at the start of the step.
@@ -87,10 +79,11 @@ class Crossings:
     extract: Callable[..., Any] = staticmethod(extract_outline)
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: BodyMotions
-    ) -> None:
-        self._bulk, self._contacts = bulk, contacts
-        self._labels, _ = label_bodies(bulk.V)
+        self, bulk: Bulk, contacts: Sequence[Interface], floating: BodyMotions,
+        others: Indices | None = None,
+    ) -> None:  # fmt: skip
+        self._bulk, self._contacts, self._others = bulk, contacts, others
+        self._labels, count = label_bodies(bulk.V)
         sides = [[self._bodies_of(side) for side in (c.slave, c.master)] for c in contacts]
         self._in_contact = {
             (min(one, other), max(one, other))
@@ -100,12 +93,15 @@ class Crossings:
         }
         self._of_pairs = [sorted(slave | master) for slave, master in sides]
         bodies = np.array(sorted({body for pair in self._of_pairs for body in pair}), np.int64)
+        without_pair = others is None and bodies.size < count > 1
+        self._rest = type(self)(bulk, [], floating, bodies) if without_pair else None
+        bodies = bodies if others is None else np.arange(count)
         self.outline: Any = self.extract(bulk.space, self._labels, bodies)
         self._slaves = [self.outline.indices_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         self._prescribed = (self._free == 0.0).all(axis=1)
         name_of_body = partial(floating.name_of, labels=self._labels)
-        self._names = OutlineNames(self.outline, contacts, name_of_body)
+        self._names = overlap.OutlineNames(self.outline, contacts, name_of_body)
         of_bodies = floating.labels, floating.leaders, floating.name_of
         self.led = LedBodies(bulk, contacts, self.outline, *of_bodies)
         self._prepare()
@@ -116,12 +112,16 @@ class Crossings:
     def _prepare(self) -> None:
         """Find which overlaps the mesh has, and which the discretization admits."""
         pairs = list(zip(self._contacts, self._of_pairs, strict=True))
-        little = [body for contact, pair in pairs if slides_little(contact) for body in pair]
-        finite = [body for contact, pair in pairs if not slides_little(contact) for body in pair]
+        little = [
+            body for contact, pair in pairs if overlap.slides_little(contact) for body in pair
+        ]
+        finite = [
+            body for contact, pair in pairs if not overlap.slides_little(contact) for body in pair
+        ]
         self._slide_little = np.setdiff1d(little, finite)
         self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
-        self._admitted = AdmittedDepth(self.outline, self._contacts)
+        self._admitted = overlap.AdmittedDepth(self.outline, self._contacts)
         self._excused = self._as_meshed()
         given = self.outline, self._contacts, self._slaves, self._names, self._excused
         self.in_step = Passages(*given)
@@ -136,17 +136,22 @@ class Crossings:
         """
         x = self._positions()
         found = [*self._between_bodies(x), *self._at_obstacles(x), *self._without_pair(x)]
-        return sorted(found, key=lambda crossing: -crossing.facets)
+        if self._rest is not None:
+            found += [each.in_no_pair() for each in self._rest.find()]
+        return [found[k] for k in descending([crossing.facets for crossing in found])]
 
     def _at_obstacles(self, x: Array) -> Iterator[Crossing]:
         """The deepest point of the obstacle of each pair in bodies with nodes at ``x`` (n, 2)."""
         for pair, contact in enumerate(self._contacts):
             if not isinstance(contact, Contact) or contact.obstacle is None:
                 continue
-            depths, at, segments = depths_of_obstacle(contact, self.outline, self._slaves[pair], x)
+            slaves, obstacle = self._slaves[pair], contact.operators.obstacle
+            given = slaves[self._prescribed[slaves]], contact.now.offset, self._names
+            yield from overlap.held_inside(obstacle, self.outline, x, *given)
+            depths, at, segments = overlap.depths_of_obstacle(contact, self.outline, slaves, x)
             facets = depths / self.outline.lengths(x)[segments]
             if facets.size:
-                k = int(facets.argmax())
+                k = first_largest(facets)
                 sides = self._names.segment(segments[k]), f"obstacle '{contact.obstacle.name}'"
                 admitted = self._admitted.at_obstacle(x, segments[k], pair)
                 measures = float(depths[k]), float(facets[k])
@@ -155,7 +160,7 @@ class Crossings:
     def _without_pair(self, x: Array) -> Iterator[Crossing]:
         """Bodies with nodes at ``x`` (n, dim) inside obstacles that they have no pair with."""
         for obstacle, body in self.in_step.without_pair:
-            depth, facets, point = deepest_in_obstacle(obstacle, self.outline, x, body)
+            depth, facets, point = overlap.deepest_in_obstacle(obstacle, self.outline, x, body)
             if facets > 0.0:
                 ends = len(obstacle.salient_points()) > 0  # a plane goes on beyond its solid
                 sides = self._names.body(body), f"obstacle '{obstacle.name}'"
@@ -172,13 +177,14 @@ class Crossings:
     def _between_bodies(self, x: Array) -> Iterator[Crossing]:
         """Crossings of outlines with nodes at ``x`` (n, 2), see ``find``."""
         rows = self._crossings(x, self._allowed(x))
-        rows = rows[~self._are_meaningless(x, rows)]
+        rows = rows[~self._are_meaningless(x, rows) & self._count(rows)]
         paired, in_contact = self._admitted.are_paired(rows), self._admitted.are_in_contact(rows)
         limits, bodies = self._admitted.of(x, rows, paired), self._bodies_in(rows)
         for k, facets in self._deepest(~paired, bodies, rows[:, 2], limits, in_contact):
             first, second = (self._names.segment(int(segment)) for segment in rows[k, :2])
-            measures = float(rows[k, 3]), facets, float(limits[k]), bool(paired[k])
-            yield Crossing((first, second), format_point(rows[k, 4:]), *measures)
+            held = all(self._prescribed[self.outline.segments[int(e)]].any() for e in rows[k, :2])
+            measures = float(rows[k, 3]), facets, float(limits[k]), held or bool(paired[k])
+            yield Crossing((first, second), format_point(rows[k, 4:]), *measures, BOTH_HELD * held)
 
     def _deepest(
         self, kinds: Any, bodies: Indices, facets: Array, limits: Array, in_contact: Flags
@@ -204,12 +210,22 @@ class Crossings:
                 if depth > 0.0:
                     yield k, depth
 
+    def _count(self, overlaps: Any) -> Flags:
+        """Whether overlaps count: all, or those of a body without a pair and another one, (k,)."""
+        bodies = self._bodies_in(overlaps)
+        if self._others is None:
+            return np.ones(len(bodies), bool)
+        both = np.isin(bodies, self._others).all(axis=1)
+        return np.asarray((bodies[:, 0] != bodies[:, 1]) & ~both)
+
     def _are_meaningless(self, x: Array, rows: Array) -> Flags:
         """Folds of bodies with linear strains and small sliding, see ``overlap``, (k,), bool."""
         bodies = self._bodies_in(rows)
         marks = (bodies[:, 0] == bodies[:, 1]) & np.isin(bodies[:, 0], self._slide_little)
         if marks.any() and not self._bulk.form_points.any:
-            marks[marks] = are_folds(x, self.outline.segments, self._segment_bodies, rows[marks])
+            marks[marks] = overlap.are_folds(
+                x, self.outline.segments, self._segment_bodies, rows[marks]
+            )
             return marks
         return np.zeros(len(rows), bool)
 
@@ -260,19 +276,19 @@ class Crossings:
         """
         allowed = np.zeros(len(x))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
-            overlap = np.maximum(-contact.now.offset, 0.0)
+            depth = np.maximum(-contact.now.offset, 0.0)
             if isinstance(contact, Tie):
-                overlap = overlap + math.hypot(*contact.pair.present_jump())
-            admits = overlap.nonzero()[0]
+                depth = depth + math.hypot(*contact.pair.present_jump())
+            admits = depth.nonzero()[0]
             if not admits.size:
                 continue
             from scipy.spatial import cKDTree  # not imported by problems without overlaps
 
-            radii = overlap[admits] + contact.slave.nodal_lengths[admits]
+            radii = depth[admits] + contact.slave.nodal_lengths[admits]
             circles = cKDTree(x).query_ball_point(x[there[admits]], radii)
             counts = [len(nodes) for nodes in circles]
             nodes = np.concatenate(circles).astype(np.int64)
-            np.maximum.at(allowed, nodes, np.repeat(overlap[admits], counts))
+            np.maximum.at(allowed, nodes, np.repeat(depth[admits], counts))
         return allowed
 
     def nodes_inside(self) -> list[Indices]:
@@ -357,13 +373,13 @@ Bodies = tuple[int, int]
 def _firsts(bodies: Indices, sizes: Array) -> dict[Bodies, int]:
     """Number of the largest of ``sizes`` (k,) of each two ``bodies``, ascending (k, 2) (local)."""
     pairs, found = bodies.tolist(), dict[Bodies, int]()
-    for k in np.argsort(-sizes, kind="stable").tolist():
+    for k in descending(sizes).tolist():
         found.setdefault(tuple(pairs[k]), k)
     return found
 
 
 # A further remedy where nodes of the slave carry no force: the nodes of the other side may.
-_OTHER_ROLES = f"{TIP}, or exchange slave and master"
+_OTHER_ROLES = f"{space_admitted.TIP}, or exchange slave and master"
 
 
 class SpaceCrossings(Crossings):
@@ -376,8 +392,8 @@ class SpaceCrossings(Crossings):
     extract = staticmethod(extract_hull)
 
     def _prepare(self) -> None:
-        self._in_space = SpaceAdmitted(self.outline, self._contacts)
-        self._found_at: tuple[Array, Overlaps] | None = None
+        self._in_space = space_admitted.SpaceAdmitted(self.outline, self._contacts)
+        self._found_at: tuple[Array, space_admitted.Overlaps] | None = None
         self._excused = self._as_meshed()
         of_pairs = self._contacts, self._slaves
         self._obstacles = [
@@ -393,28 +409,37 @@ class SpaceCrossings(Crossings):
             yield from obstacle.find(x, self._prescribed)
 
     def _between_bodies(self, x: Array) -> Iterator[Crossing]:
-        overlaps, across = self._in_space.measured(x, self._overlaps(x))
+        overlaps = self._overlaps(x)
+        overlaps, across = self._in_space.measured(x, at_rows(overlaps, self._count(overlaps)))
         facets = self._facets(x, overlaps, self._allowed(x))
         kinds = self._in_space.kinds(x, overlaps, facets)
-        through = (kinds == Kind.UNPAIRED) & self._in_space.are_through(x, overlaps)
-        kinds[through] = Kind.THROUGH
+        through = (kinds == space_admitted.Kind.UNPAIRED) & self._in_space.are_through(x, overlaps)
+        kinds[through] = space_admitted.Kind.THROUGH
         limits = self._in_space.of(x, overlaps, kinds)
         bodies, in_contact = self._bodies_in(overlaps), self._in_space.are_in_contact(overlaps)
         for k, depth in self._deepest(kinds, bodies, facets, limits, in_contact):
-            kind, node, triangle = Kind(kinds[k]), overlaps.nodes[k, 0], overlaps.triangles[k]
+            kind, node, triangle = (
+                space_admitted.Kind(kinds[k]),
+                overlaps.nodes[k, 0],
+                overlaps.triangles[k],
+            )
             sides = self._names.node(int(node)), self._names.segment(int(triangle))
-            measures = float(overlaps.depths[k]), depth, float(limits[k]), kind != Kind.UNPAIRED
-            hint = self._in_space.hint(kind, _OTHER_ROLES) + ACROSS * bool(across[k])
-            remark = ALWAYS if across[k] else remark_of(kind)
+            held = self._prescribed[overlaps.nodes[k]].any()
+            held = bool(held and self._prescribed[self.outline.segments[triangle]].any())
+            is_paired = held or kind != space_admitted.Kind.UNPAIRED
+            measures = float(overlaps.depths[k]), depth, float(limits[k]), is_paired
+            hint = self._in_space.hint(kind, _OTHER_ROLES) + space_admitted.ACROSS * bool(across[k])
+            hint = BOTH_HELD if held else hint
+            remark = space_admitted.ALWAYS if across[k] else space_admitted.remark_of(kind)
             yield Crossing(sides, format_point(overlaps.points[k]), *measures, hint, remark)
 
-    def _overlaps(self, x: Array) -> Overlaps:
+    def _overlaps(self, x: Array) -> space_admitted.Overlaps:
         """``find_overlaps`` at positions ``x`` (n, 3), kept for the next call."""
         if self._found_at is None or not np.array_equal(self._found_at[0], x):
-            self._found_at = x, find_overlaps(self.outline, x)
+            self._found_at = x, space_admitted.find_overlaps(self.outline, x)
         return self._found_at[1]
 
-    def _facets(self, x: Array, overlaps: Overlaps, allowed: Array) -> Array:
+    def _facets(self, x: Array, overlaps: space_admitted.Overlaps, allowed: Array) -> Array:
         """Depths over the larger facet, without overlaps ``allowed`` (n,) [length], (k,) [1]."""
         hull, (nodes, triangles, depths, _) = self.outline, overlaps
         sizes = hull.node_sizes(x)[nodes].max(axis=1, initial=0.0)
@@ -433,13 +458,14 @@ class SpaceCrossings(Crossings):
     def _as_meshed(self) -> dict[Bodies, float]:
         """Overlap of bodies in the mesh [facets]."""
         hull = self.outline
-        overlaps = find_overlaps(hull, hull.X)
-        self._refuse_double_cover(overlaps)
+        overlaps = space_admitted.find_overlaps(hull, hull.X)
+        if self._others is None:
+            self._refuse_double_cover(overlaps)
         overlaps = at_rows(overlaps, ~self._in_space.are_in_contact(overlaps))
         facets = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
         return self._excuse(self._bodies_in(overlaps), facets)
 
-    def _refuse_double_cover(self, overlaps: Overlaps) -> None:
+    def _refuse_double_cover(self, overlaps: space_admitted.Overlaps) -> None:
         """Refuse a body inside another one or itself, as ``bulk.bodies`` in the plane.
 
         Args:
@@ -459,7 +485,9 @@ class SpaceCrossings(Crossings):
                     f"the body around {format_point(points[mine].mean(axis=0))} lies inside "
                     f"another one, which has no hole there: cut {self._names.body(int(other))}"
                 )
-        limits = self._in_space.of(hull.X, overlaps, np.full(len(nodes), int(Kind.UNPAIRED)))
+        limits = self._in_space.of(
+            hull.X, overlaps, np.full(len(nodes), int(space_admitted.Kind.UNPAIRED))
+        )
         depths = self._facets(hull.X, overlaps, np.zeros(len(hull.X)))
         itself = at_same & (depths > limits) & ~self._in_space.are_in_contact(overlaps)
         if itself.any():

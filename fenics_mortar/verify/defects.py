@@ -234,7 +234,7 @@ def slip_defects(contact: Contact) -> Defects:
     surface has no mesh.
     """
     law = contact.pair.law
-    if not (law.has_friction or law.needs_nodal_state):
+    if not law.needs_slip:
         count, dim = len(contact.slave.facets), contact.slave.dim
         return np.zeros((count, dim, dim)), np.zeros(count)
     here, slip = _slips(contact)

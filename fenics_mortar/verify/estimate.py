@@ -47,10 +47,8 @@ import numpy as np
 from fenics_mortar.bulk.cells import DEGREES, ReferenceCell, normals_of, sum_over_cells
 from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.interface.reference import gauss_points, tabulate
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, errors, files
 from fenics_mortar.utils.arrays import ROUNDING, TINY, Array, Flags, Indices
-from fenics_mortar.utils.errors import check_number, together
-from fenics_mortar.utils.files import Markdown, markdown_table
 from fenics_mortar.verify.defects import interface_defects, interface_tractions
 
 if TYPE_CHECKING:
@@ -169,7 +167,7 @@ CELLS_AT_ONCE = 10_000
 
 
 @dataclass(frozen=True)
-class ErrorEstimate(Markdown):
+class ErrorEstimate(files.Markdown):
     """Estimate of the error of the displacement in the energy norm; properties are local.
 
     Prints as a Markdown table of the parts.
@@ -206,7 +204,7 @@ class ErrorEstimate(Markdown):
             for name, part in self.parts.items()
             if part > 0.0
         ]
-        table = markdown_table(["part", "estimate", "share of square"], rows, left=(0,))
+        table = files.markdown_table(["part", "estimate", "share of square"], rows, left=(0,))
         error = f"estimated error {100.0 * self.relative:.3g} % in the energy norm"
         text = f"{error}: {self.total:.3e} of {self.size:.3e}"
         return f"{text}\n\n{table}" if rows else text
@@ -225,8 +223,8 @@ class ErrorEstimate(Markdown):
         Raises:
             ValueError: On all ranks, unless ``fraction`` is above 0 and at most 1.
         """
-        with together(self.mesh.comm, "mark"):
-            check_number(
+        with errors.together(self.mesh.comm, "mark"):
+            errors.check_number(
                 "fraction", fraction, "a number above 0 and up to 1", lambda p: 0.0 < p <= 1.0
             )
         mine = self.cells**2

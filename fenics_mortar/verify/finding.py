@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -189,12 +189,6 @@ class Measured:
         """Sum of friction limits over sum of pressures, of nodes under pressure [1]."""
         return mean_friction(self.friction_limit, self.pressure)
 
-    @property
-    def other_roles(self) -> str:
-        """Advice to exchange slave and master; "" for a surface in contact with itself."""
-        slave, master = self.contact.slave.name, self.contact.master.name
-        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
-
 
 def mean_friction(limit: Array, pressure: Array) -> float:
     """Sum of friction limits over sum of pressures, of nodes under pressure [1] (local).
@@ -207,9 +201,16 @@ def mean_friction(limit: Array, pressure: Array) -> float:
     return float(limit[presses].sum() / pressure[presses].sum()) if presses.any() else 0.0
 
 
+# What is wrong with an overlap of a body without any pair.
+IN_NO_PAIR = (
+    "; at least one of them belongs to no pair, and nothing keeps them apart: add a ContactPair, "
+    "if they may touch"
+)
+
+
 @dataclass(frozen=True)
 class Crossing:
-    """Deepest crossing of the outlines of two bodies, or of one outline with itself.
+    """Deepest crossing of the outlines of two bodies, or of one outline with itself; all is local.
 
     Attributes:
         sides: Names of the surfaces, or of the bodies outside surfaces of pairs.
@@ -217,7 +218,7 @@ class Crossing:
         depth: Depth of one body in the other [length].
         facets: Depth over the facet's length [1].
         admitted: Depth above which the state is wrong [facet lengths].
-        is_paired: Whether a pair keeps these surfaces apart.
+        is_paired: Whether a pair keeps these surfaces apart, or boundary conditions hold both.
         hint: What the pair does not see there.
         remark: Depth above which there is a remark [facet lengths].
     """
@@ -240,6 +241,12 @@ class Crossing:
             return found + self.hint
         kind = "ContactPair(data, surface)" if first == second else "ContactPair"
         return f"{found}; no pair keeps these surfaces apart: add a {kind}"
+
+    def in_no_pair(self) -> Crossing:
+        """The same as a remark, if a body has no pair, of an overlap that grew (local)."""
+        return replace(
+            self, is_paired=True, hint=IN_NO_PAIR, admitted=math.inf, remark=self.admitted
+        )
 
 
 def paired_nodes(contact: Interface) -> Indices:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Paths of nodes in a step: bodies and obstacles that turn, one seen from another.
 
-``path_of`` fits a rigid motion, a ``RigidPath``, to the ends of a step, ``Motions`` those of all
-bodies, and ``Paths`` shows nodes in the frame of a body or an obstacle. ``LedBodies`` are bodies
-that prescribed values turn.
+``Motions`` fits a rigid motion of each body to the ends of a step, and ``Paths`` shows nodes in the
+frame of a body or an obstacle. ``LedBodies`` are bodies that prescribed values turn.
 """
 
 from __future__ import annotations
@@ -19,28 +18,21 @@ import numpy as np
 
 from fenics_mortar.contact.arcs import LEADS, Carried, moved_by
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.obstacles.rigid_motion import TURNS, polar, rotation_by, vector_of
+from fenics_mortar.obstacles import rigid_motion
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import ROUNDING, SMALL_ANGLE, TINY, Array, Value, norms
 from fenics_mortar.verify.finding import LIMITS
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
-    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.outline import Hull, Outline
     from fenics_mortar.interface.surfaces import Surface
-    from fenics_mortar.obstacles.rigid_motion import RigidMotion
     from fenics_mortar.utils.arrays import Flags, Indices
 
 # Turn of a body by prescribed values in a step [radian], 5 degrees, above which its sense is told
 # to be uncertain: 72 steps for a full turn are taken for what they look like.
 TOLD_TURN = np.pi / 36
-# Distance of prescribed nodes from a rigid motion over their motion [1], below which they turn: the
-# ends of a beam that is bent do not. A stretch of 5 % beside a quarter of a turn.
-STRETCHED = 0.05
-# Extent of prescribed nodes, in space across a line, over their distance from the origin [1], below
-# which they do not tell a rotation.
-SLENDER = 1e-6
 
 OTHERWISE = (
     "the ends of the step do not tell; if bodies turned otherwise, slip and friction are those of "
@@ -95,14 +87,9 @@ class LedBodies:
     """
 
     def __init__(
-        self,
-        bulk: Bulk,
-        contacts: Sequence[Contact | Tie],
-        outline: Outline | Hull,
-        labels: Indices,
-        leaders: Mapping[int, RigidMotion],
-        name_of: Callable[[int], str],
-    ) -> None:
+        self, bulk: Bulk, contacts: Sequence[Interface], outline: Outline | Hull, labels: Indices,
+        leaders: Mapping[int, rigid_motion.RigidMotion], name_of: Callable[[int], str],
+    ) -> None:  # fmt: skip
         self._bulk, self._contacts, self._outline = bulk, contacts, outline
         self._leaders = {b: m for b, m in leaders.items() if b in outline.bodies}
         self.bodies = outline.gather(bulk.space.spread(labels))[:, 0].astype(np.int64)
@@ -124,7 +111,7 @@ class LedBodies:
         self.examined = False
         self._taken: dict[tuple[int, int], Array] = {}
 
-    def _sides_of(self, contact: Contact | Tie) -> Iterable[tuple[int, int]]:
+    def _sides_of(self, contact: Interface) -> Iterable[tuple[int, int]]:
         """The bodies on both sides of a contact."""
         if not isinstance(contact, Contact):
             return ()
@@ -146,7 +133,7 @@ class LedBodies:
         led = self.prescribed
         bodies = np.unique(self.bodies[led]).tolist()
         marks = [led & (self.bodies == body) for body in bodies]
-        found = (turn_of(x0[at], x1[at], stretched) for at in marks)
+        found = (rigid_motion.turn_of(x0[at], x1[at], stretched) for at in marks)
         return dict(zip(bodies, found, strict=True))
 
     @property
@@ -155,10 +142,10 @@ class LedBodies:
         places = [motion.place for motion in self._leaders.values()]
         return np.reshape(places, (len(places), len(places[0]) if places else 3))
 
-    def leading(self, accepted: AcceptedPositions) -> dict[int, RigidPath]:
+    def leading(self, accepted: AcceptedPositions) -> dict[int, rigid_motion.RigidPath]:
         """Motions of the rigid boundaries in a step, by the bodies that they lead."""
         led = zip(self._leaders.items(), accepted.leaders, self.places, strict=True)
-        return {body: motion_of(leader, *ends) for (body, leader), *ends in led}
+        return {body: rigid_motion.motion_of(leader, *ends) for (body, leader), *ends in led}
 
     def positions(self) -> Array:
         """Positions of the outlines' nodes, shape (n, d) [length] (collective)."""
@@ -186,7 +173,12 @@ class LedBodies:
         return self._carried(self.positions(), self.prescribed_positions(), {})
 
     def _carried(
-        self, x0: Array, x1: Array, known: Mapping[int, RigidPath], *, solved: bool = False
+        self,
+        x0: Array,
+        x1: Array,
+        known: Mapping[int, rigid_motion.RigidPath],
+        *,
+        solved: bool = False,
     ) -> Carried:
         """Nodes carried along by the motions that lead their bodies between two positions.
 
@@ -203,17 +195,17 @@ class LedBodies:
         Returns:
             The nodes; turns are nan where prescribed nodes of a body do not move as one.
         """
-        size, axes = x0.shape, len(TURNS[x0.shape[1]])
+        size, axes = x0.shape, len(rigid_motion.TURNS[x0.shape[1]])
         x, pivots = x0.copy(), np.zeros((2, *size))
         turn, straight = np.zeros((size[0], axes)), np.zeros((size[0], 1))
         for body in np.unique(self.bodies if solved else self.bodies[self.prescribed]).tolist():
             mine = self.bodies == body
             led, parts = mine & self.prescribed, set(self._parts[mine].tolist())
             leader = next((known[part] for part in sorted(parts) if part in known), None)
-            led = led if not solved or tells_turn(x0[led]) else mine
-            path = leader or path_of(x0[led], x1[led]).about_fixed_point(x0[mine])
+            led = led if not solved or rigid_motion.tells_turn(x0[led]) else mine
+            path = leader or rigid_motion.path_of(x0[led], x1[led]).about_fixed_point(x0[mine])
             apart, moved = (norms(path.carry(x0[led], 1.0) - x).max() for x in (x1[led], x0[led]))
-            if leader is None and apart > STRETCHED * moved and (led != mine).any():
+            if leader is None and apart > rigid_motion.STRETCHED * moved and (led != mine).any():
                 turn[mine] = np.nan if np.linalg.norm(path.turn) > SMALL_ANGLE else 0.0
                 continue  # its prescribed nodes do not move as one
             x[mine], turn[mine] = path.carry(x0[mine], 1.0), path.turn
@@ -223,7 +215,7 @@ class LedBodies:
 
     def relative(self, sides: tuple[int, int], turns: Turns) -> Array:
         """Rotation of the slave less that of the master, as a vector [radian]."""
-        still = np.zeros(len(TURNS[self._bulk.space.dim]))
+        still = np.zeros(len(rigid_motion.TURNS[self._bulk.space.dim]))
         slave, master = (turns.get(side, still) for side in sides)
         return np.asarray(slave - master)
 
@@ -231,7 +223,7 @@ class LedBodies:
         """Turns that values determine up to full turns only, above ``least``, in a step."""
         if self.examined or not self.may_turn or np.array_equal(x0, x1):
             return {}
-        found = self.turns(x0, x1, STRETCHED).items()
+        found = self.turns(x0, x1, rigid_motion.STRETCHED).items()
         return {
             body: turn
             for body, turn in found
@@ -272,7 +264,7 @@ class LedBodies:
         return frozenset(self._parts[np.isin(self.bodies, list(bodies))].tolist())
 
     def messages(
-        self, accepted: AcceptedPositions, places: Array, told: Collection[int] = ()
+        self, accepted: AcceptedPositions, places: Array, told: Collection[int]
     ) -> list[str]:
         """Message on turns up to which slip is uncertain, or on a step in which nothing moved.
 
@@ -315,131 +307,15 @@ class LedBodies:
         return [self._names[body] for sides in of_pairs for body in sides if body in self._names]
 
 
-def turn_of(x0: Array, x1: Array, stretched: float) -> Array:
-    """Rotation of nodes, an angle (1,) or a vector (3,), of at most half a turn [radian] (local).
-
-    Zero for nodes that do not determine a rotation.
-
-    Args:
-        x0: Their positions, shape (n, d) [length].
-        x1: Their positions later.
-        stretched: Distance from a rigid motion over the motion [1] above which they do not turn.
-    """
-    y0, y1 = x0 - x0.mean(axis=0), x1 - x1.mean(axis=0)
-    none = np.zeros(len(TURNS[x0.shape[1]]))
-    if not tells_turn(x0):
-        return none
-    R, _ = polar(y1.T @ y0)
-    if stretched < np.inf:
-        apart, moved = (np.linalg.norm(y - y0 @ R.T) for y in (y1, y0))
-        if apart > stretched * moved:
-            return none
-    return vector_of(R)
-
-
-def tells_turn(x0: Array) -> bool:
-    """Whether nodes (n, d) determine a rotation: not one point; in space not points on a line."""
-    dim = x0.shape[1]
-    if len(x0) < dim:
-        return False
-    extents = np.linalg.svd(x0 - x0.mean(axis=0), compute_uv=False)
-    return bool(extents[dim - 2] > SLENDER * float(np.linalg.norm(x0)))
-
-
-def _rubs(contact: Contact | Tie) -> bool:
+def _rubs(contact: Interface) -> bool:
     """Whether a contact is closed and depends on slip."""
-    if not isinstance(contact, Contact) or contact.pair.sliding == "small":
-        return False
-    law = contact.pair.law
-    return bool((law.has_friction or law.needs_nodal_state) and contact.active.any())
-
-
-class RigidPath(NamedTuple):
-    """Motion of a rigid frame in a step: a point on a straight line, and a rotation about it.
-
-    Attributes:
-        start: The point at the start, shape (dim,) [length].
-        end: The point at the end, shape (dim,) [length].
-        turn: Angle of the rotation, shape (1,), in space its vector, (3,), of any size [radian].
-    """
-
-    start: Array
-    end: Array
-    turn: Array
-
-    @property
-    def angle(self) -> float:
-        """Angle of the rotation, in space without sign [radian]."""
-        return float(self.turn[0] if self.turn.size == 1 else np.linalg.norm(self.turn))
-
-    def turned(self, vectors: Array, t: float) -> Array:
-        """Vectors (n, dim) [any unit] turned by the rotation up to ``t``, negative: back."""
-        return vectors @ rotation_by(t * self.turn).T
-
-    def carry(self, x: Array, t: float) -> Array:
-        """Positions at ``t``, 0 to 1, of points at ``x`` (n, dim) at the start [length]."""
-        return self._centre(t) + self.turned(x - self.start, t)
-
-    def back(self, x: Array, t: float) -> Array:
-        """Positions at the start of points that are at ``x`` (n, dim) at ``t`` [length]."""
-        return self.start + self.turned(x - self._centre(t), -t)
-
-    def is_followed(self, x0: Array, x1: Array) -> bool:
-        """Whether nodes (n, dim) [length], one or more, follow the motion from ``x0`` to ``x1``.
-
-        Not if they were not where a rigid boundary was at the start.
-        """
-        apart = norms(self.carry(x0, 1.0) - x1).max(initial=0.0)
-        return bool(apart <= SMALL_ANGLE * norms(x0 - self.start).max(initial=0.0))
-
-    def turns_as(self, other: RigidPath) -> bool:
-        """Whether another motion has the same rotation, up to full turns."""
-        apart = rotation_by(self.turn) @ rotation_by(other.turn).T
-        return bool(np.linalg.norm(vector_of(apart)) <= SMALL_ANGLE)
-
-    def _centre(self, t: float) -> Array:
-        return self.start + t * (self.end - self.start)
-
-    def backwards(self) -> RigidPath:
-        """The motion to the same positions with the other sense of rotation."""
-        factor = 1.0 - 2.0 * np.pi / abs(self.angle) if self.angle else 0.0
-        return self._replace(turn=factor * self.turn)
-
-    def about_fixed_point(self, body: Array, *, inside: bool = True) -> RigidPath:
-        """The motion about a fixed point, in space along an axis, to the same positions.
-
-        Args:
-            body: Nodes of the body at the start, shape (n, dim) [length]. The point is inside the
-                body if it is nearer to ``start`` than the farthest one.
-            inside: Whether the point has to be inside the body, or outside.
-
-        Returns:
-            The motion itself if the point is elsewhere, or if nothing turns.
-        """
-        angle, dim = abs(self.angle), self.start.size
-        if angle <= SMALL_ANGLE:
-            return self
-        axis = np.pad(self.turn, (3 - self.turn.size, 0)) / angle
-        shift = np.pad(self.end - self.start, (0, 3 - dim))
-        across = shift - (axis @ shift) * axis
-        to_axis = 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
-        if (np.linalg.norm(to_axis) < norms(body - self.start).max()) != inside:
-            return self
-        fixed = self.start + to_axis[:dim]
-        return RigidPath(fixed, fixed + (shift - across)[:dim], self.turn)
-
-
-def path_of(x0: Array, x1: Array, stretched: float = np.inf) -> RigidPath:
-    """Rigid motion that fits that of nodes (n, d) from ``x0`` to ``x1`` best (Kabsch 1976) (local).
-
-    The mean of the nodes moves on a straight line; for ``stretched`` see ``turn_of``.
-    """
-    return RigidPath(x0.mean(axis=0), x1.mean(axis=0), turn_of(x0, x1, stretched))
+    rubs = isinstance(contact, Contact) and contact.depends_on_slip
+    return rubs and bool(contact.active.any())
 
 
 # Alternative to the motions of bodies, see ``Motions``; "" for none.
 Alternative = Literal["", "sense", "centre"]
-NONE_KNOWN: Mapping[int, RigidPath] = {}
+NONE_KNOWN: Mapping[int, rigid_motion.RigidPath] = {}
 
 
 class StepEnds(NamedTuple):
@@ -460,7 +336,7 @@ class StepEnds(NamedTuple):
     prescribed: Flags | None = None
     before: Array = np.zeros((0, 3))
     after: Array = np.zeros((0, 3))
-    known: Mapping[int, RigidPath] = NONE_KNOWN
+    known: Mapping[int, rigid_motion.RigidPath] = NONE_KNOWN
     doubtful: Collection[int] = ()
 
     @property
@@ -474,16 +350,6 @@ class StepEnds(NamedTuple):
         """Whether nothing moves: no body, no obstacle (local)."""
         rests = self.bodies_rest and np.array_equal(self.before, self.after)
         return rests or not len(self.x0)
-
-
-def motion_of(mover: RigidMotion, before: Array, after: Array) -> RigidPath:
-    """Motion of an obstacle or a boundary between places (m,) [length, radian] (local).
-
-    In space ``after`` is its present place.
-    """
-    dim = mover.dim
-    turn = after[2:] - before[2:] if dim == 2 else mover.turn_since(before)
-    return RigidPath(mover.pivot + before[:dim], mover.pivot + after[:dim], turn)
 
 
 class Motions:
@@ -532,7 +398,7 @@ class Motions:
         self._axis = turn / np.maximum(self._angle, TINY)
         self._strain = self._turned(ends.x1 - self._end, -1.0) - (ends.x0 - self._start)
 
-    def _path(self, body: int, ends: StepEnds, other: Alternative) -> RigidPath:
+    def _path(self, body: int, ends: StepEnds, other: Alternative) -> rigid_motion.RigidPath:
         """The motion of a body: a known one, or that of its prescribed nodes, or of all.
 
         Prescribed nodes that do not determine a rotation are a pin or a hinge line, about which all
@@ -541,12 +407,14 @@ class Motions:
         (x0, x1), mine, label = ends[:2], self._nodes[body], int(self.labels[body])
         led = mine[:0] if ends.prescribed is None else mine[ends.prescribed[mine]]
         self.are_led[body] = led.size > 0
-        tell = led if tells_turn(x0[led]) else mine
-        path = path_of(x0[tell], x1[tell])
+        tell = led if rigid_motion.tells_turn(x0[led]) else mine
+        path = rigid_motion.path_of(x0[tell], x1[tell])
         if led.size and tell is mine:
             start, end = x0[led].mean(axis=0), x1[led].mean(axis=0)
-            turn = vector_of(polar((x1[mine] - end).T @ (x0[mine] - start))[0])
-            path = RigidPath(start, end, turn)
+            turn = rigid_motion.vector_of(
+                rigid_motion.polar((x1[mine] - end).T @ (x0[mine] - start))[0]
+            )
+            path = rigid_motion.RigidPath(start, end, turn)
         known = ends.known.get(label)
         if known and (known.is_followed(x0[led], x1[led]) if tell is led else known.turns_as(path)):
             self.are_known[body] = True
@@ -602,7 +470,7 @@ class Paths:
     """
 
     def __init__(
-        self, ends: StepEnds, bodies: Indices, obstacles: Mapping[int, RigidPath],
+        self, ends: StepEnds, bodies: Indices, obstacles: Mapping[int, rigid_motion.RigidPath],
         resolution: float, other: Alternative = "",
     ) -> None:  # fmt: skip
         self._x0, self._x1, self._resolution, self._known = *ends[:2], resolution, ends.known
@@ -610,7 +478,7 @@ class Paths:
         self._box = np.stack([both.min(axis=0), both.max(axis=0)])
         labels, of_node = np.unique(bodies, return_inverse=True)
 
-        def fit(end: Array, known: Mapping[int, RigidPath] = NONE_KNOWN) -> Motions:
+        def fit(end: Array, known: Mapping[int, rigid_motion.RigidPath] = NONE_KNOWN) -> Motions:
             return Motions(ends._replace(x1=end, known=known), (labels, of_node), other)
 
         self._fit: Callable[..., Motions] = fit
@@ -618,7 +486,9 @@ class Paths:
         self._bodies = fit(self._x1, ends.known)
         leaders = [self._bodies.paths[i] for i in np.flatnonzero(self._bodies.are_led)]
         origin = np.zeros(self._x0.shape[1])
-        at_rest = RigidPath(origin, origin, np.zeros(len(TURNS[origin.size])))
+        at_rest = rigid_motion.RigidPath(
+            origin, origin, np.zeros(len(rigid_motion.TURNS[origin.size]))
+        )
         self._carriers = [at_rest, *(c for c in (*obstacles.values(), *leaders) if c.angle)]
         self._choose_carriers()
 
@@ -671,7 +541,7 @@ class Paths:
             along.append(np.where(carried[:, None], inside.at(t), far))
         return np.array([self._x0, *along, end])
 
-    def _frame_of(self, body: int) -> list[RigidPath]:
+    def _frame_of(self, body: int) -> list[rigid_motion.RigidPath]:
         i = int(np.searchsorted(self._bodies.labels, body))
         return [self._relative.paths[i], self._carriers[self._carrier[i]]]
 
@@ -696,7 +566,7 @@ class Paths:
         along = [_back(frame, obstacle.carry(points, t), t) for t in times]
         return np.array(along), self._x0 + times[:, None, None] * (end - self._x0)
 
-    def _times(self, angle: float, frame: Sequence[RigidPath], points: Array) -> Array:
+    def _times(self, angle: float, frame: Sequence[rigid_motion.RigidPath], points: Array) -> Array:
         """Times between straight sections of paths with a rotation by ``angle``, 0 to 1.
 
         Args:
@@ -712,7 +582,7 @@ class Paths:
         return np.arange(1, sections) / sections
 
 
-def _back(frame: Sequence[RigidPath], x: Array, t: float) -> Array:
+def _back(frame: Sequence[rigid_motion.RigidPath], x: Array, t: float) -> Array:
     """Move positions ``x`` (n, d) [length] with a frame from the time ``t`` to the start."""
     for rotation in reversed(frame):
         x = rotation.back(x, t)

@@ -22,12 +22,12 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle, is_of_package
-from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import HALF_FACET, TINY, Array, Flags, Indices, first_largest, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify.finding import LIMITS
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.contact.interface import Interface
 
 ADVICE = "since the last accepted state: take smaller steps"
 
@@ -76,7 +76,7 @@ def nodes_through(
     """
     what = f"the distance of '{obstacle.name}'"
     depth = call_together(comm, what, partial(passed_through, obstacle, *paths))
-    count, first = int((depth > 0.0).sum()), int(np.argmax(depth)) if len(depth) else 0
+    count, first = int((depth > 0.0).sum()), first_largest(depth) if len(depth) else 0
     if not count:
         return []
     return [
@@ -186,7 +186,7 @@ def nodes_off_pairs(obstacle: Obstacle, outline: Any, slaves: Indices) -> Flags:
 
 
 def pairs_of_obstacles(
-    contacts: Sequence[Contact | Tie], slaves: Sequence[Indices]
+    contacts: Sequence[Interface], slaves: Sequence[Indices]
 ) -> dict[Obstacle, list[tuple[Contact, Indices]]]:
     """The pairs with each obstacle, and the numbers of their slave nodes in the outlines (local).
 

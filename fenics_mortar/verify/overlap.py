@@ -2,8 +2,8 @@
 """Overlaps of outlines with bodies and obstacles, and those that the discretization admits.
 
 ``AdmittedDepth`` has the depths of crossing outlines that the discretization admits, ``are_folds``
-finds crossings at which a body is inverted, ``obstacle_depths`` obstacles inside bodies, and
-``OutlineNames`` has the names for messages.
+finds crossings at which a body is inverted, ``obstacle_depths`` obstacles inside bodies,
+``held_inside`` prescribed nodes inside obstacles, and ``OutlineNames`` has the names for messages.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.kernels.passage import depths_inside
 from fenics_mortar.kernels.space.inside import depths_inside as depths_inside_hull
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.utils.arrays import Array, Flags, Indices, angles_between
-from fenics_mortar.utils.errors import call_together
-from fenics_mortar.verify.finding import LIMITS
+from fenics_mortar.utils.arrays import Array, Flags, Indices, angles_between, first_largest, norms
+from fenics_mortar.utils.errors import call_together, format_point
+from fenics_mortar.verify.finding import LIMITS, Crossing
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.outline import Outline
     from fenics_mortar.obstacles.obstacle import Obstacle
 
@@ -40,10 +40,7 @@ class OutlineNames:
     """
 
     def __init__(
-        self,
-        outline: Outline,
-        contacts: Sequence[Contact | Tie],
-        name_of_body: Callable[[int], str],
+        self, outline: Outline, contacts: Sequence[Interface], name_of_body: Callable[[int], str]
     ) -> None:
         self._outline, self._name_of_body = outline, name_of_body
         self._bodies: dict[int, str] = {}
@@ -74,7 +71,7 @@ class OutlineNames:
         return self._surfaces[surface] if surface >= 0 else self.segment(int(np.argmax(at)))
 
 
-def slides_little(contact: Contact | Tie) -> bool:
+def slides_little(contact: Interface) -> bool:
     """Whether the conditions of a pair are those of the undeformed surfaces (local)."""
     return isinstance(contact, Contact) and contact.pair.sliding == "small"
 
@@ -210,8 +207,52 @@ def deepest_in_obstacle(
     depths, places = np.concatenate([depths, -phi]), np.concatenate([inside, nodes])
     sizes = [outline.lengths(x)[facets], outline.node_sizes(x)[mine]]
     over = depths / np.concatenate(sizes)
-    k = int(over.argmax())
+    k = first_largest(over)
     return max(float(depths[k]), 0.0), max(float(over[k]), 0.0), places[k]
+
+
+# What is wrong if boundary conditions move nodes into an obstacle.
+LED = (
+    "; boundary conditions move nodes of the body into the obstacle, {}, where no contact can keep "
+    "them out: end the motion before"
+)
+
+
+def held_inside(
+    obstacle: Obstacle, outline: Any, x: Array, held: Indices, offset: Array, names: OutlineNames
+) -> list[Crossing]:
+    """The deepest of the ``held`` nodes (k,) moved into an obstacle, if any (collective).
+
+    Depths are those beyond the ones that the mesh has in the obstacle at its initial place, as
+    where it gives an interference.
+
+    Args:
+        obstacle: The obstacle, at its present place.
+        outline: See ``depths_in_body``, as ``x``.
+        x: Positions of the nodes, shape (n, dim) [length].
+        held: Nodes whose values are all prescribed.
+        offset: Lengths of which the overlap -offset is admitted, any shape [length].
+        names: Names of bodies.
+    """
+
+    def depths_at(points: Array) -> Array:
+        what = f"the distance of '{obstacle.name}'"
+        evaluate = partial(obstacle.evaluate, points)
+        phi, gradient, _ = call_together(outline.comm, what, evaluate)
+        return -phi / np.maximum(norms(gradient), 1.0)  # of users it need not be a distance
+
+    of_mesh = depths_at(obstacle.to_space(outline.X[held]))
+    admitted = np.maximum(of_mesh, 0.0) + max(-float(offset.min(initial=0.0)), 0.0)
+    depths = depths_at(x[held]) - admitted
+    facets = depths / outline.node_sizes(x)[held]
+    if not facets.max(initial=0.0) > LIMITS.unpaired:
+        return []
+    k = first_largest(facets)
+    sides = names.body(int(outline.bodies[held[k]])), f"obstacle '{obstacle.name}'"
+    depth, where = float(depths[k]), format_point(x[held[k]])
+    hint = LED.format(f"{depth:.3g} deep at {where}")
+    limits = LIMITS.unloaded, True, hint, LIMITS.coarse_unloaded
+    return [Crossing(sides, where, depth, float(facets[k]), *limits)]
 
 
 class AdmittedDepth:
@@ -233,7 +274,7 @@ class AdmittedDepth:
         contacts: All pairs.
     """
 
-    def __init__(self, outline: Outline, contacts: Sequence[Contact | Tie]) -> None:
+    def __init__(self, outline: Outline, contacts: Sequence[Interface]) -> None:
         self._outline = outline
         self._after, self._before = outline.neighbours()
         self._sides = [(outline.near(c.slave), outline.near(c.master)) for c in contacts]

@@ -28,22 +28,13 @@ from fenics_mortar.kernels import passage
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.kernels.space.triangles import nearest_triangle
 from fenics_mortar.kernels.tree import build_tree
-from fenics_mortar.obstacles.obstacle import is_of_package
-from fenics_mortar.obstacles.rigid_motion import at_place
-from fenics_mortar.utils.arrays import (
-    HALF_FACET,
-    ROUNDING,
-    SMALL_ANGLE,
-    SOLVED,
-    Array,
-    Flags,
-    Indices,
-    at_rows,
-    norms,
-)
+from fenics_mortar.obstacles.obstacle import Obstacle, is_of_package
+from fenics_mortar.obstacles.rigid_motion import at_place, motion_of
+from fenics_mortar.utils import arrays
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds, motion_of
+from fenics_mortar.verify.node_paths import Alternative, Paths, StepEnds
 from fenics_mortar.verify.obstacle_passages import (
     ADVICE,
     nodes_off_pairs,
@@ -53,9 +44,7 @@ from fenics_mortar.verify.obstacle_passages import (
 from fenics_mortar.verify.overlap import OutlineNames, deepest_in_obstacle, depths_in_body
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.contact.tied import Tie
-    from fenics_mortar.obstacles.obstacle import Obstacle
+    from fenics_mortar.contact.interface import Interface
 
 # Points of a path between entry and exit at which its depth is measured.
 POINTS_ON_PATH = 9
@@ -103,13 +92,9 @@ class Passages:
     find_events: Callable[..., Array] = staticmethod(passage.find_events)
 
     def __init__(
-        self,
-        outline: Any,
-        contacts: Sequence[Contact | Tie],
-        slaves: Sequence[Indices],
-        names: OutlineNames,
-        excused: dict[tuple[int, int], float],
-    ) -> None:
+        self, outline: Any, contacts: Sequence[Interface], slaves: Sequence[Indices],
+        names: OutlineNames, excused: dict[tuple[int, int], float],
+    ) -> None:  # fmt: skip
         self.outline, self._names, self._excused = outline, names, excused
         self._obstacles = pairs_of_obstacles(contacts, slaves)
         self._off_pairs, self._of_pairs = list[Flags](), list[Indices]()
@@ -186,11 +171,11 @@ class Passages:
         if not entered.size:
             return
         depths, nearest = depths_in_body(o, x1, body, x1[entered])
-        deep = depths - allowed(x1)[entered] > HALF_FACET * o.lengths(x1)[nearest]
+        deep = depths - allowed(x1)[entered] > arrays.HALF_FACET * o.lengths(x1)[nearest]
         entered, depths = entered[deep], depths[deep]
         for other in self._others(body, o.bodies[entered]):
             mine = np.flatnonzero(o.bodies[entered] == other)
-            first = mine[np.argmax(depths[mine])]
+            first = mine[arrays.first_largest(depths[mine])]
             node = int(entered[first])
             yield (
                 f"{mine.size} nodes of {self._names.node(node)} went into {self._names.body(body)}"
@@ -254,7 +239,7 @@ class Passages:
         if not len(passed.ends):
             return passed
         given = o.neighbours(), o.lengths(x), passed.facets, passed.place
-        return at_rows(passed, ~passage.lead_round(x, o.segments, *given))
+        return arrays.at_rows(passed, ~passage.lead_round(x, o.segments, *given))
 
     def _deep(self, passed: Passed, along: Array, body: int) -> Passed:
         """Those paths that lead deep below the surface of the body, not along it."""
@@ -264,8 +249,8 @@ class Passages:
         deep = np.zeros(len(group), bool)
         for number in range(group.max() + 1):  # the body deforms, and paths pass at their times
             mine = group == number
-            deep[mine] = self._are_deep(at_rows(passed, mine), along, body)
-        return at_rows(passed, deep)
+            deep[mine] = self._are_deep(arrays.at_rows(passed, mine), along, body)
+        return arrays.at_rows(passed, deep)
 
     def _are_deep(self, passed: Passed, along: Array, body: int) -> Flags:
         """Whether paths lead deep below the surface of the body at their mean time, (k,), bool."""
@@ -273,11 +258,11 @@ class Passages:
         points = np.moveaxis(_on_paths(passed, along), 0, 1)
         depths, nearest = depths_in_body(self.outline, x, body, points.reshape(-1, x.shape[1]))
         depths, nearest = depths.reshape(points.shape[:2]), nearest.reshape(points.shape[:2])
-        chords = norms(points[:, -1] - points[:, 0])
+        chords = arrays.norms(points[:, -1] - points[:, 0])
         sizes = self.outline.lengths(x)[passed.facets[:, 0]]
-        least = np.minimum(HALF_FACET * sizes, LIMITS.deep * chords)
+        least = np.minimum(arrays.HALF_FACET * sizes, LIMITS.deep * chords)
         least[self._cross_the_middle(x, depths > 0.0, nearest)] = 0.0
-        return np.asarray(depths.max(axis=1) > np.maximum(least, SOLVED * sizes))
+        return np.asarray(depths.max(axis=1) > np.maximum(least, arrays.SOLVED * sizes))
 
     def _cross_the_middle(self, x: Array, inside: Flags, nearest: Indices) -> Flags:
         """Whether the sides of a body nearest to two successive points inside it are opposed, (k,).
@@ -300,7 +285,7 @@ class Passages:
         """A message on each body of which nodes or edges passed through ``body``."""
         of_paths = self.outline.bodies[passed.ends[:, 0]]
         for other in self._others(body, of_paths):
-            yield self.message(what, at_rows(passed, of_paths == other), x, body)
+            yield self.message(what, arrays.at_rows(passed, of_paths == other), x, body)
 
     def message(self, what: str, passed: Passed, x: Array, body: int, owner: str = "") -> str:
         """Message on paths through a body.
@@ -313,7 +298,7 @@ class Passages:
             owner: What they belong to; by default its name by the path that ended farthest away.
         """
         ends = x[passed.ends].mean(axis=1)
-        away = norms(ends - x[self.outline.segments[passed.facets[:, 0]]].mean(axis=1))
+        away = arrays.norms(ends - x[self.outline.segments[passed.facets[:, 0]]].mean(axis=1))
         first = np.argmax(away)
         enters, leaves = (self._names.segment(int(facet)) for facet in passed.facets[first])
         owner = owner or self._names.node(int(passed.ends[first, 0]))
@@ -383,7 +368,7 @@ class Passages:
         for body in bodies:
             of_points, of_nodes = paths.points_seen_from(body, label, points)
             moved = np.abs(of_points - of_points[0]).max(axis=(0, 2))
-            moved = moved > ROUNDING * np.abs(of_points).max(initial=0.0)
+            moved = moved > arrays.ROUNDING * np.abs(of_points).max(initial=0.0)
             along = np.concatenate([of_nodes, of_points], axis=1)
             marked = np.concatenate([np.zeros(len(x1), bool), moved])
             passed, _ = self.nodes_through(along, body, marked)
@@ -419,7 +404,7 @@ class SpacePassages(Passages):
         sharp = self._edges_through(along, body, near)
         new = ~np.isin(bodies[sharp.ends[:, 0]], bodies[nodes.ends[:, 0]])
         yield from self._messages("nodes", nodes, x1, body)
-        yield from self._messages("edges", at_rows(sharp, new), x1, body)
+        yield from self._messages("edges", arrays.at_rows(sharp, new), x1, body)
 
     def _near(self, along: Array, body: int, movers: Indices) -> Flags:
         """Whether paths of nodes or edges (k, c) of others meet the box of a body, (k,), bool."""
@@ -447,7 +432,7 @@ class SpacePassages(Passages):
         others = np.flatnonzero(sharp & (hull.bodies[edges[:, 0]] == body))
         at = edges[sharp & near]
         normals = [hull.normals(x, beside[others]).sum(axis=1) for x in (along[0], along[-1])]
-        normals = [n / norms(n)[:, None] for n in normals]
+        normals = [n / arrays.norms(n)[:, None] for n in normals]
         rows = events_on(along, self.find_events, at, edges[others], normals[0])
         pairs = [
             (i, j)
@@ -469,7 +454,7 @@ class SpacePassages(Passages):
         normals = hull.normals(x)[beside[:, 0]]
         across = middles[beside[:, 1]] - x[edges[:, 0]]
         convex = np.einsum("ec,ec->e", normals, across) < 0.0
-        return np.asarray(convex & (hull.turns(x) > SMALL_ANGLE))
+        return np.asarray(convex & (hull.turns(x) > arrays.SMALL_ANGLE))
 
     def _at_obstacle(
         self, number: int, obstacle: Obstacle, paths: Paths, x1: Array, place: Array
@@ -515,7 +500,7 @@ def opposed(both: Array, movers: Indices, targets: Indices, normals: Sequence[Ar
     cosines = [(n[:, 0] * n[:, 1]).sum(axis=1) for n in normals]
     share = targets[enters][:, :, None] == targets[leaves][:, None]
     passed = Passed(ends, both[:, :, 4], both[:, :, 2], sides.T)
-    return at_rows(passed, (np.maximum(*cosines) < OPPOSED) & ~share.any(axis=(1, 2)))
+    return arrays.at_rows(passed, (np.maximum(*cosines) < OPPOSED) & ~share.any(axis=(1, 2)))
 
 
 def _at(along: Array, times: Array, nodes: Indices) -> Array:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import or_more_functions
 from fenics_mortar.kernels.space.inside import depths_inside, find_piercings, winding_number
 from fenics_mortar.kernels.space.triangles import nearest_triangle, square_on_triangle
 from fenics_mortar.kernels.tree import build_tree
@@ -22,7 +21,7 @@ from fenics_mortar.utils.arrays import SAME_PLACE, TINY, Array, Flags, Indices, 
 from fenics_mortar.verify.finding import LIMITS, paired_nodes
 
 if TYPE_CHECKING:
-    from fenics_mortar.contact.tied import Tie
+    from fenics_mortar.contact.interface import Interface
     from fenics_mortar.interface.outline import Hull
 
 # Distance below an edge at which it is asked how often the body covers a point [edge lengths]:
@@ -264,14 +263,14 @@ class SpaceAdmitted:
         contacts: All pairs.
     """
 
-    def __init__(self, hull: Hull, contacts: Sequence[Contact | Tie]) -> None:
+    def __init__(self, hull: Hull, contacts: Sequence[Interface]) -> None:
         self._hull, self._contacts = hull, contacts
         self._sides = [(hull.near(c.slave), hull.near(c.master)) for c in contacts]
         self._more_functions = or_more_functions(contacts)
         exact = [(hull.are_of(c.slave), hull.are_of(c.master)) for c in contacts]
         self._ways = [way for sides in exact for way in (sides, sides[::-1])]
 
-    def hint(self, kind: Kind, remedy: str = "") -> str:
+    def hint(self, kind: Kind, remedy: str) -> str:
         """What a pair does not see in an overlap of this kind, with a ``remedy`` without force."""
         return HINTS.get(kind, "") + (remedy + self._more_functions) * (kind == Kind.UNLOADED)
 
@@ -378,7 +377,7 @@ class SpaceAdmitted:
             marks[k] = other.size > 0 and facing < np.cos(LIMITS.corner)
         return np.asarray(marks)
 
-    def _loaded(self, contact: Contact | Tie) -> Flags:
+    def _loaded(self, contact: Interface) -> Flags:
         """Whether a node of each triangle's facet carries force in a pair, shape (m,), bool."""
         hull = self._hull
         nodes = np.zeros(len(hull.X), bool)
@@ -400,9 +399,7 @@ class SpaceAdmitted:
         at_nodes = self._hull.largest_at_nodes(sagittas)[overlaps.nodes].max(axis=1)
         return self._depths(at_nodes + sagittas[overlaps.triangles], kinds)
 
-    def at_obstacle(
-        self, x: Array, paired: Flags, pairs: Sequence[Contact]
-    ) -> tuple[Indices, Array]:
+    def at_obstacle(self, x: Array, paired: Flags, pairs: list[Contact]) -> tuple[Indices, Array]:
         """``Kind`` of an obstacle below each triangle, and the depth admitted, (m,) each (local).
 
         Args:
@@ -433,3 +430,13 @@ class SpaceAdmitted:
         largest = np.zeros(len(self._hull.segments))
         np.maximum.at(largest, beside, turns[:, None])
         return largest / 8.0
+
+
+def or_more_functions(contacts: Sequence[Interface]) -> str:
+    """Advice for triangles with six nodes and linear multipliers; "" if no slave has these (local).
+
+    The mean gap over all facets around a corner is open until they have been entered deeply.
+    """
+    coarse = any(c.slave.facets.shape[1] == 6 and c.basis == "linear" for c in contacts)
+    quadratic = ", or take Discretization(basis='quadratic'), with multipliers at all six nodes"
+    return f"{quadratic} of a triangle" * coarse

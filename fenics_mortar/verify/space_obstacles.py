@@ -21,18 +21,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_mortar.obstacles.rigid_motion import at_place
-from fenics_mortar.utils.arrays import TINY, Indices, norms
+from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, first_largest, norms
 from fenics_mortar.utils.errors import call_together, format_point
 from fenics_mortar.verify import space_admitted
 from fenics_mortar.verify.finding import LIMITS, Crossing
 from fenics_mortar.verify.obstacle_passages import nodes_off_pairs, nodes_through
-from fenics_mortar.verify.overlap import OutlineNames, obstacle_depths
+from fenics_mortar.verify.overlap import OutlineNames, held_inside, obstacle_depths
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
     from fenics_mortar.interface.outline import Hull
     from fenics_mortar.obstacles.obstacle import Fields, Obstacle
-    from fenics_mortar.utils.arrays import Array, Flags
 
 
 # Points of a triangle near an obstacle, weights of its corners: a grid of a quarter of its sides.
@@ -49,11 +48,6 @@ OF_RADIUS = 0.5
 SHARP = 0.1
 # The same above which it is flat [1], and what enters a facet is an edge beside this point.
 FLAT = 1e6
-# What is wrong if boundary conditions move nodes into an obstacle.
-LED = (
-    "; boundary conditions move nodes of the body into the obstacle, {}, where no contact can keep "
-    "them out: end the motion before"
-)
 
 
 class SpaceObstacle:
@@ -69,14 +63,9 @@ class SpaceObstacle:
     """
 
     def __init__(
-        self,
-        number: int,
-        obstacle: Obstacle,
-        pairs: Sequence[tuple[Contact, Indices]],
-        hull: Hull,
-        names: OutlineNames,
-        admitted: space_admitted.SpaceAdmitted,
-    ) -> None:
+        self, number: int, obstacle: Obstacle, pairs: Sequence[tuple[Contact, Indices]], hull: Hull,
+        names: OutlineNames, admitted: space_admitted.SpaceAdmitted,
+    ) -> None:  # fmt: skip
         self.label, self.obstacle, self.hull = -1 - number, obstacle, hull
         self._pairs, self._names, self._admitted = pairs, names, admitted
         self._name = f"obstacle '{obstacle.name}'"
@@ -142,21 +131,6 @@ class SpaceObstacle:
         found = space_admitted.below_marked(self.hull, x, inside, n, first, self._on_slave)
         return inside, found._replace(depths=found.depths - overlap)
 
-    def led_inside(self, x: Array, prescribed: Flags) -> tuple[float, float, str]:
-        """The deepest of ``prescribed`` nodes (n,), bool, inside (collective).
-
-        Returns:
-            Depth [length], zero if none is inside, the same over the size of its facets [1], place.
-        """
-        at = np.flatnonzero(prescribed & self.counted)
-        overlap = max(-float(self.offset().min(initial=0.0)), 0.0)  # admitted, see ``depths_in``
-        depths = -self._evaluate(x[at])[0] - overlap
-        facets = depths / self.hull.node_sizes(x)[at]
-        k = int(facets.argmax()) if len(at) else 0
-        if not facets.max(initial=0.0) > LIMITS.unpaired:
-            return 0.0, 0.0, ""
-        return float(depths[k]), float(facets[k]), format_point(x[at[k]])
-
     def needed(self, point: Array, size: float) -> str:
         """The facets that an obstacle needs at a point (3,), now of a size (collective).
 
@@ -201,14 +175,10 @@ class SpaceObstacle:
         pairs = [contact for contact, _ in self._pairs]
         admitted = self._admitted.at_obstacle(x, self.near_slave, pairs)
         for body in self.bodies.tolist():
-            mine = prescribed & (self.hull.bodies == body)
-            depth, facets, where = self.led_inside(x, mine)
-            led = ""
-            if where:
-                led = LED.format(f"{depth:.3g} deep at {where}")
-                sides = self._names.body(body), self._name
-                limits = LIMITS.unloaded, True, led, LIMITS.coarse_unloaded
-                yield Crossing(sides, where, depth, facets, *limits)
+            mine = np.flatnonzero(prescribed & self.counted & (self.hull.bodies == body))
+            found = held_inside(self.obstacle, self.hull, x, mine, self.offset(), self._names)
+            yield from found
+            led = "".join(crossing.hint for crossing in found)
             measured = self.depths_in(x, points, body)
             yield from self._deepest(x, *measured, admitted, led)
             yield from self._coming_out(x, body, led)
@@ -221,7 +191,7 @@ class SpaceObstacle:
         sizes = self.hull.lengths(x)
         facets, mine = depths / sizes[triangles], kinds[triangles]
         for kind in np.unique(mine).tolist():
-            k = int(np.where(mine == kind, facets / limits[triangles], 0.0).argmax())
+            k = first_largest(np.where(mine == kind, facets / limits[triangles], 0.0))
             t, is_across = int(triangles[k]), bool(across[k])
             hint = self._admitted.hint(kind, self.needed(at[k], float(sizes[t])))
             hint = led * bool(facets[k] > limits[t]) or hint + space_admitted.ACROSS * is_across

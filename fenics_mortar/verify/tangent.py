@@ -18,15 +18,13 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import SaddleSystem
 from fenics_mortar.rigid.driven import by_spread, linearize_balance
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, files
 from fenics_mortar.utils.arrays import ASSEMBLY_ROUNDING, Array, Indices
-from fenics_mortar.utils.files import Markdown, markdown_table
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
     from fenics_mortar.contact.fluxes import Flux
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.contact.tied import Tie
     from fenics_mortar.interface.surfaces import Surface
 
 
@@ -147,7 +145,7 @@ class OperatorMatrices:
 
 
 @dataclass(frozen=True)
-class TangentCheck(Markdown):
+class TangentCheck(files.Markdown):
     """Remainders of a Taylor test; all methods are local.
 
     Attributes:
@@ -182,7 +180,7 @@ class TangentCheck(Markdown):
             for i, step in enumerate(self.steps)
         ]
         rows.append(["slope", *(f"{slope:.2f}" for slope in self.slopes.values())])
-        return markdown_table(["step / facet", *names], rows)
+        return files.markdown_table(["step / facet", *names], rows)
 
 
 def check_tangent(
@@ -259,7 +257,7 @@ class _Probe:
             flux.settle()
         self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
-    def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
+    def _fill(self, contact: Interface, rng: np.random.Generator) -> Array:
         """Multipliers, random where zero: of the size of others, else of strains of 1 %."""
         per_force = contact.components.scale / contact.components.scale[:, :1]
         size = np.abs(contact.z / per_force).max() or 0.01 * contact.modulus.max()
@@ -326,7 +324,7 @@ class _Probe:
         bulk = self.bulk.to_force * self._apply(self.bulk.K)
         return {"bulk": bulk, **replicated, "whole": self._whole()}
 
-    def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array]:
+    def _by_motions(self, contact: Interface) -> tuple[Array, Array]:
         """Derivatives of normals and gap along the motions of the pair's obstacle (local)."""
         if not isinstance(contact, Contact) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1)

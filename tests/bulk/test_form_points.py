@@ -14,7 +14,8 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import energies
-from fenics_mortar.bulk.fluxes import FormPoints, _assembled
+from fenics_mortar.bulk.checks import _assembled
+from fenics_mortar.bulk.fluxes import FormPoints
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.verify.overlap import are_folds

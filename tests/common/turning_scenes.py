@@ -64,8 +64,9 @@ def _turn(values, angle):
 
 
 def shaft_in_ring(
-    law, *, slave="shaft", columns=24, interference=0.03, degree=1, on_axle=False, **pair
-):
+    law, *, slave="shaft", columns=24, interference=0.03, degree=1, on_axle=False,
+    material=neo_hookean, **pair,
+):  # fmt: skip
     """Shaft of radii 0.4 and 1 in a ring of radii 1 and 1.4, whose outer side is fixed at first.
 
     The bore is prescribed by Dirichlet values, or is a rigid boundary ``on_axle``.
@@ -83,7 +84,7 @@ def shaft_in_ring(
         bcs.append(fm.dirichlet(V, data, "shaft/top", bore))
     sides = ["shaft/bottom", "ring/top"][:: 1 if slave == "shaft" else -1]
     pair = fm.ContactPair(data, *sides, **pair_options({"law": law, **pair}))
-    residual = internal(u, neo_hookean(u, E, NU))
+    residual = internal(u, material(u, E, NU))
     problem = fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT,
         remote=[axle] if axle else [],

@@ -10,6 +10,8 @@ from refusal import refused
 from small_scenes import small_blocks
 from spoilt_law import Spoilt, rubbing_blocks
 
+from dolfinx import fem
+
 import fenics_mortar as fm
 from fenics_mortar import laws
 from fenics_mortar.contact.law import Friction
@@ -297,3 +299,23 @@ def test_invalid_number_of_a_law_set_later_is_refused():
     law.wear = -1.0
     with refused(ValueError, "wear=-1.0: expected zero or a positive number"):
         scene.problem.solve()
+
+
+@pytest.mark.parametrize("kind", ["thickness", "mu", "heating", "h", "distance"])
+def test_expressions_of_ufl_are_no_functions_of_positions(kind):
+    """They can be called, but a call with arrays never ends."""
+    scene = small_blocks()
+    space = fm.scalar_space(scene.data.mesh, 1)
+    for value in (fem.Constant(scene.data.mesh, 0.3), fem.Function(space)):
+        make = {
+            "thickness": lambda v=value: small_blocks(problem={"thickness": v}),
+            "mu": lambda v=value: fm.Coulomb(v),
+            "heating": lambda v=value: fm.Conductance(1, 1.0, heating=v),
+            "h": lambda v=value: fm.Conductance(1, v),
+            "distance": lambda v=value: fm.SignedDistance(v),
+        }[kind]
+        if kind == "mu" and isinstance(value, fem.Function):
+            make()  # whose values at the nodes are read
+            continue
+        with pytest.raises(ValueError, match="expected"):
+            make()

@@ -14,8 +14,9 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.law import GRAZE, Nodal, Row
-from fenics_mortar.contact.rows import largest_adhesion, strength
+from fenics_mortar.contact.rows import strength
 from fenics_mortar.energies import lame
+from fenics_mortar.rigid.complementarity import largest_adhesion
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, mapped
 

@@ -17,7 +17,7 @@ from fenics_mortar.contact import arcs
 from fenics_mortar.contact.arcs import rotation_past_obstacle
 from fenics_mortar.contact.slip import PlanePartners
 from fenics_mortar.laws import Worn
-from fenics_mortar.verify.node_paths import STRETCHED, turn_of
+from fenics_mortar.obstacles.rigid_motion import STRETCHED, turn_of
 from meshes.mapped_grids import Grid, build, sector
 
 MU, TURN = 0.3, 2.0 * np.pi

@@ -15,9 +15,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.contact.arcs import Carried, Place, doubt_beside_known, way_past
 from fenics_mortar.equations import turns
-from fenics_mortar.obstacles.rigid_motion import rotation_by
+from fenics_mortar.obstacles.rigid_motion import rotation_by, turn_of
 from fenics_mortar.verify.checks.friction_work import uncertain_rotation
-from fenics_mortar.verify.node_paths import turn_of
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
 

@@ -8,8 +8,7 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.interface.integrals import share_of
-from fenics_mortar.interface.reference import hand_over
-from fenics_mortar.interface.space_mortar import inverse_of
+from fenics_mortar.interface.reference import hand_over, inverse_of
 
 comm = MPI.COMM_WORLD
 

@@ -265,3 +265,27 @@ def test_a_motion_starts_from_a_state_at_rest_that_is_loaded_before(shared_path)
     fm.save_state(problem, shared_path / "moving")
     fm.load_state(again, shared_path / "moving")
     assert motions[1].time == 0.01
+
+
+def stretched():
+    """A motion of blocks from a velocity that stretches the lower one."""
+    scene = pressed_blocks(**MESH)
+    motion = fm.Dynamics(scene.problem, 1.0, scheme="massless")
+    bodies, tags = scene.data.bodies, scene.data.cell_tags
+    motion.velocity.interpolate(
+        lambda x: np.stack([0 * x[0], 0.1 * x[1]]), tags.find(bodies["lower"])
+    )
+    return motion
+
+
+def test_sizes_of_adaptive_time_steps_are_those_of_the_uninterrupted_motion(shared_path):
+    """Their error is measured against the largest velocity so far, which may be in the past."""
+    motion, again = stretched(), stretched()
+    options = fm.SteppingOptions(step=0.01, smallest=1e-4, largest=0.05)
+    motion.run(0.06, options, tolerance=4e-3)
+    fm.save_state(motion.problem, shared_path / "state")
+    fm.load_state(again.problem, shared_path / "state")
+    records = [one.run(0.12, options, tolerance=4e-3).steps for one in (motion, again)]
+    sizes, errors = ([[getattr(s, n) for s in r] for r in records] for n in ("size", "error"))
+    assert len(set(sizes[0])) > 2 and sizes[0] == pytest.approx(sizes[1], rel=1e-8)
+    assert errors[0] == pytest.approx(errors[1], rel=1e-6)

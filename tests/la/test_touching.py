@@ -32,7 +32,7 @@ def checked(monkeypatch, dim=2, negligible=0.0):
     """Errors of the products of all cycles that are made from now on."""
     errors = []
     monkeypatch.setattr(touching, "MIN_BLOCK", negligible)
-    compute = multigrid.touching_tangent
+    compute = multigrid.touching.touching_tangent
 
     def compared(A, near, motion, equations, axes, stiffness):
         B = compute(A, near, motion, equations, axes, stiffness)
@@ -50,7 +50,7 @@ def checked(monkeypatch, dim=2, negligible=0.0):
         errors.append(product.norm() / size)
         return B
 
-    monkeypatch.setattr(multigrid, "touching_tangent", compared)
+    monkeypatch.setattr(multigrid.touching, "touching_tangent", compared)
     return errors
 
 
@@ -84,7 +84,7 @@ def test_tangent_in_space_is_the_product_of_its_matrices(monkeypatch, algorithm)
 
 
 def test_negligible_blocks_are_left_out(monkeypatch):
-    entries, dropped, compute = [], [], multigrid.touching_tangent
+    entries, dropped, compute = [], [], multigrid.touching.touching_tangent
 
     def compared(*given):
         few = compute(*given)
@@ -99,7 +99,7 @@ def test_negligible_blocks_are_left_out(monkeypatch):
     c, s = np.cos(0.3), np.sin(0.3)
     turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     scene = pressed("tetrahedron", problem={"solver": "iterative"}, turn=turn)
-    monkeypatch.setattr(multigrid, "touching_tangent", compared)
+    monkeypatch.setattr(multigrid.touching, "touching_tangent", compared)
     scene.move(0.02, 0.0, -0.04)
     assert entries and all(few < 0.95 * many for few, many in entries)
     assert max(dropped) < 1e-3

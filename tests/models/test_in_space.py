@@ -117,7 +117,7 @@ def test_steps_in_space_that_fail(monkeypatch):
         solid.equations.bulk.values[:] = 1.0
         raise fm.MortarError("no step")
 
-    monkeypatch.setattr("fenics_mortar.models.in_space.take_steps", fails)
+    monkeypatch.setattr("fenics_mortar.models.model_error.take_steps", fails)
     plane.solve()
     found = in_space_of(plane, solid, "strain").estimate(plane)
     assert found.indicator == "the steps in space fail" and np.isinf(found.errors[ENERGY])

@@ -12,7 +12,7 @@ import space_scenes
 from refusal import refused
 
 import fenics_mortar as fm
-from fenics_mortar.contact.interface import or_other_weights
+from fenics_mortar.contact.view import or_other_weights
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block
 

@@ -186,7 +186,7 @@ def test_interruption_reverts_the_whole_step(monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("fenics_mortar.path.dynamics.work_of", interrupted)
+        patched.setattr("fenics_mortar.path.report.work_of", interrupted)
         with pytest.raises(KeyboardInterrupt):
             motion.step(0.01)
     assert np.array_equal(made.u.x.array, u)

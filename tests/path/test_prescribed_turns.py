@@ -10,7 +10,7 @@ from turning_scenes import shaft_in_ring
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.path.stepping import loads_of_step
+from fenics_mortar.equations.turns import loads_of_step
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector
 
@@ -130,9 +130,9 @@ def test_time_steps_are_cut_too(scheme):
 def test_bodies_that_turn_together_do_not_turn_relative_to_each_other():
     """Nothing is refused, though both turn by more than half a turn; nor is there any slip."""
     shaft = shaft_in_ring(fm.Coulomb(0.3))
-    with loads_of_step(shaft.problem, shaft.set_both, 0.0, 4.0):
+    with loads_of_step(shaft.problem.equations, shaft.set_both, 0.0, 4.0):
         pass
-    one = loads_of_step(shaft.problem, shaft.set_angle, 0.0, 4.0)
+    one = loads_of_step(shaft.problem.equations, shaft.set_angle, 0.0, 4.0)
     with pytest.raises(fm.NotConvergedError), one:
         pass
 

@@ -18,9 +18,9 @@ from test_driven import block_under
 from test_floating import falling_disk
 
 import fenics_mortar as fm
-from fenics_mortar.equations.general import as_interruption
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import as_interruption
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 5, "n_lower": 7, "layers_upper": 2, "layers_lower": 2}

@@ -8,8 +8,8 @@ from scenes import linear_elastic, neo_hookean
 
 import fenics_mortar as fm
 from fenics_mortar.newton.loop import solve
-from fenics_mortar.rigid.complementarity import nonnegative_least_squares
 from fenics_mortar.rigid.idle import IdleBodies
+from fenics_mortar.utils.arrays import nonnegative_least_squares
 
 # Rounding of gaps over the size of the scene [1]: of sums over the nodes of a facet.
 ROUNDING = 1e-13
@@ -263,7 +263,7 @@ def test_an_idle_body_does_not_stay_pressed_on_its_spring():
     body.move(body.rigid_fraction(towards))  # it overlaps the loaded block
     idle.reset(may_be_aside=True)
     idle.find(equations.evaluate_forces)
-    idle._first = set()
+    idle.first = set()
     equations.springs.anchor(0.25)
     solve(equations, equations.newton)
     carried = {each.name: each.fraction for each in equations.springs.carried()}

@@ -6,6 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from small_scenes import pushed_block
+from supported_parts import Body, Flat, Touch
+from supported_problem import floor_of, pose
+from turning_scenes import shaft_in_ring
 
 import ufl
 from dolfinx import fem
@@ -16,7 +19,7 @@ from fenics_mortar.equations.diagnosis import Remedies
 from fenics_mortar.rigid import proximal
 from fenics_mortar.rigid.proximal import carried_by
 from meshes import mapped_grids
-from meshes.mapped_grids import Grid
+from meshes.mapped_grids import Grid, block
 
 
 class Scripted:
@@ -212,8 +215,8 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
 def test_springs_without_contact_are_reported():
     cases = {(1.0, 4.0): 0.25, (0.0, 0.0): 0.0, (1e-9, 0.0): np.inf}
     for (springs, contact), expected in cases.items():
-        carried = carried_by(disk(contact), np.array([0.0, springs]))
-        assert carried == ("disk", expected, False, "turn" if springs else "", False)
+        carried = carried_by(disk(contact), np.array([0.0, springs]), np.zeros(2))
+        assert carried == ("disk", expected, False, "turn" if springs else "", False, False)
 
 
 def disk(force, contacts=(), at=None):
@@ -228,10 +231,12 @@ def disk(force, contacts=(), at=None):
 def test_a_body_slides_if_no_node_of_its_own_sticks(own, expected):
     """Nodes 0 and 2 slide, 1 sticks, 3 is open; the others belong to another body."""
     contact = SimpleNamespace(
-        sliding=np.array([True, False, True, False]), sticking=np.arange(4) == 1
-    )
+        sliding=np.array([True, False, True, False]), sticking=np.arange(4) == 1,
+        active=np.arange(4) < 3, now=SimpleNamespace(has_partner=np.ones(4, bool)),
+    )  # fmt: skip
     body = disk(1.0, [contact], lambda contact: np.isin(np.arange(4), own))
-    assert carried_by(body, np.ones(1)).slides == expected
+    carried = carried_by(body, np.ones(1), -np.ones(1))
+    assert carried.slides == expected and carried.closed == expected
 
 
 def test_a_residual_that_is_not_finite_is_no_slight_force():
@@ -244,3 +249,45 @@ def test_a_residual_that_is_not_finite_is_no_slight_force():
     assert "disk" in remedies.drifts()
     remedies.residuals[-1] = float("nan")
     assert not remedies.drifts()
+
+
+@pytest.mark.parametrize("E, push", [(1e2, 0.45), (1e3, 0.495)])
+def test_a_block_that_tips_over_within_its_last_facet_is_refused_soon(E, push):
+    """Its edge yields, and no place balances it; in 531 and 424 iterations with all springs."""
+    bodies, floor = floor_of("body", width=3.0, columns=13, left=-1.0)
+    grid = Grid("block", block(4, 8, width=1.0, height=2.0))
+    bodies = [Body(grid, weight=1.0, push=1.0), *bodies]
+    path = [{"weight": 1.0}, {"weight": 1.0, "push": push}]
+    scene = pose("tips", bodies, [Touch("block/bottom", floor, fm.Coulomb(0.9))], path, E=E)
+    with pytest.raises(fm.NotConvergedError, match="'block' tips over") as failed:
+        list(scene.solve())
+    assert failed.value.report.num_iterations < 100
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_planes_that_press_a_block_out_of_balance_are_said_to(mu):
+    """Nothing resists what is left of their pushes; with one of them held there is balance."""
+    law = fm.Coulomb(mu) if mu else None
+    planes = [
+        Flat((0.0, 0.0), (1.0, 0.0), "left", force=(1.2, 0.0)),
+        Flat((1.0, 0.0), (-1.0, 0.0), "right", force=(-1.0, 0.0)),
+    ]
+    touches = [Touch(f"block/{plane.name}", plane, law) for plane in planes]
+    bodies = [Body(Grid("block", block(4, 3, width=1.0, height=0.6)))]
+    scene = pose("jaws", bodies, touches, [{}])
+    with pytest.raises(fm.NotConvergedError, match="not in balance.*prescribe the motion of one"):
+        scene.problem.solve()
+    scene.obstacles["left"].move(x=0.0)
+    scene.problem.solve()
+    assert scene.force(0)[0] == pytest.approx(1.0)
+
+
+def test_a_moment_above_the_friction_of_a_press_fit_is_told_first_and_soon():
+    """Nothing is open that could stop the shaft: 296 iterations before."""
+    shaft = shaft_in_ring(fm.Coulomb(0.3), interference=0.01, on_axle=True)
+    contact = shaft.problem.equations.contacts[0]
+    limit = 0.3 * float(contact.operators.weight @ contact.pressure)
+    shaft.axle.push(moment=1.2 * limit)
+    with pytest.raises(fm.NotConvergedError, match="^springs carry .* slide at their ") as found:
+        shaft.problem.solve()
+    assert len(found.value.report.iterations) < 70

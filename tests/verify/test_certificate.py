@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rotation
+from scenes import internal, linear_elastic, neo_hookean, pressed_blocks, read, rectangles, rotation
 from turning_scenes import shaft_in_ring
 
 from dolfinx import fem
@@ -261,7 +261,7 @@ def test_pressing_corner_is_reported(slave):
     assert remarks[0] in str(report.certificate)
 
 
-@pytest.mark.parametrize("slave", ["shaft", "ring"])
+@pytest.mark.parametrize("slave", ["ring", "shaft"])
 @pytest.mark.parametrize("degree, least, most", [(1, 0.08, 0.2), (2, 0.0, 0.02)])
 def test_quadratic_curves_face_each_other(degree, least, most, slave):
     """A round shaft of 16 facets without friction in a ring of 20: no corner presses."""
@@ -426,3 +426,19 @@ def test_resultant_beyond_the_end_of_the_master_is_reported(even, basis):
         message for message in certificate.remarks() if "0.60 facets outside of the part" in message
     ]
     assert len(remarks) == (not even)
+
+
+@pytest.mark.parametrize("material, angle, told", [
+    (linear_elastic, 0.04, ["ring", "shaft"]),  # the pressure of the fit grows by 8 %
+    (linear_elastic, 0.005, []),
+    (neo_hookean, 0.04, []),
+])  # fmt: skip
+def test_turned_bodies_with_linear_strains_are_told(material, angle, told):
+    shaft = shaft_in_ring(None, material=material, interference=0.01, degree=2)
+    before = shaft.problem.contacts[0].pressure.mean()
+    shaft.set_both(angle)
+    remarks = shaft.problem.solve().certificate.remarks()
+    found = [text.split("'")[1] for text in remarks if "linear strains" in text]
+    assert found == told
+    change = shaft.problem.contacts[0].pressure.mean() / before - 1.0
+    assert (0.05 < change < 0.1) if told else abs(change) < 0.01

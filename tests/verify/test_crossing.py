@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from crossing_scenes import DX, is_silent, messages_with, move_body, problem_of, turned
-from scenes import nodal, pair_options, read, rectangles
+from scenes import nodal, pair_options, read, rectangles, rotation
 
 import ufl
 from dolfinx import fem
@@ -71,6 +72,35 @@ def test_result_is_independent_of_the_number_of_ranks():
     assert len(reports[0].certificate.passages) == len(reports[1].certificate.passages) == 1
     everywhere = MPI.COMM_WORLD.allgather(str(reports[0].certificate))
     assert len(set(everywhere)) == 1
+
+
+def waves(comm):
+    """A block with crests, two of which reach into a flat one equally far, turned by 30 degrees."""
+    lower = mapped_grids.block(24, 3, width=3.0, height=0.5)
+    crests = np.cos(2 * np.pi * lower[..., 0]) * lower[..., 1]
+    upper = mapped_grids.block(22, 3, width=2.2, height=0.5, corner=(0.4, 0.47))
+    grids = [Grid("lower", lower + 0.16 * np.stack([0.0 * crests, crests], -1))]
+    grids = [
+        replace(g, x=g.x @ rotation(np.radians(30.0)).T) for g in (*grids, Grid("upper", upper))
+    ]
+    data = read(mapped_grids.build, comm=comm, grids=grids)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    fixed = [fm.dirichlet(u.function_space, data, ["lower/bottom", "upper/top"], (0.0, 0.0))]
+    return problem_of(data, [pair], fixed, u)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rounding_does_not_decide_which_of_equal_crossings_is_named(seed):
+    """Rounding differs with the number of ranks: the places named must not."""
+    problem = waves(MPI.COMM_SELF)
+    found = problem.equations.crossings.find()
+    rng = np.random.default_rng(seed)
+    u = problem.equations.bulk.u.x.array
+    u += 1e-13 * rng.standard_normal(u.size)
+    again = problem.equations.crossings.find()
+    assert len(found) == 1 and found[0].facets > 0.3
+    assert [crossing.where for crossing in found] == [crossing.where for crossing in again]
 
 
 @pytest.mark.once
@@ -306,6 +336,75 @@ def test_blocks_at_a_distance_do_not_overlap():
     problem = blocks_side_by_side(0.1)
     problem.solve()
     assert not outside_pairs(problem)
+
+
+def pressed_stack(depth, *, gap=0.02, in_space=False):
+    """Two blocks in contact, and a third one without a pair, above them, that moves down."""
+    if in_space:
+        grid, build, size = mapped_boxes.block, mapped_boxes.mesh, {"size": (0.8, 0.8, 0.5)}
+        counts, first, second = (2, 2, 2), (0.0, 0.0, 0.5), (0.1, 0.1, 1.0 + gap)
+        whole, kind = {"size": (1.0, 1.0, 0.5)}, Box
+    else:
+        grid, build, size = mapped_grids.block, mapped_grids.mesh, {"width": 0.8, "height": 0.5}
+        counts, first, second = (4, 2), (0.0, 0.5), (0.1, 1.0 + gap)
+        whole, kind = {"width": 1.0, "height": 0.5}, Grid
+    shapes = [grid(counts, **whole) if in_space else grid(*counts, **whole)]
+    for corner, given in ((first, whole), (second, size)):
+        shapes.append(
+            grid(counts, corner=corner, **given) if in_space
+            else grid(*counts, corner=corner, **given)
+        )  # fmt: skip
+    data = build(
+        [kind(name, x) for name, x in zip(("lower", "upper", "tool"), shapes, strict=True)]
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), np.array([0.0, 0.0, -0.01][-len(first) :])
+    moved = {"lower/bottom": 0.0 * push, "upper/top": push, "tool/top": 100.0 * depth * push}
+    bcs = [fm.dirichlet(V, data, name, tuple(value)) for name, value in moved.items()]
+    return problem_of(data, [fm.ContactPair(data, "upper/bottom", "lower/top")], bcs, u)
+
+
+@pytest.mark.parametrize("in_space", [False, True])
+@pytest.mark.parametrize(("depth", "gap", "told"), [
+    (0.1, 0.02, True), (0.01, 0.02, False),
+    (0.01, -0.05, False),  # they overlap in the mesh already
+])  # fmt: skip
+def test_a_body_without_a_pair_that_moves_into_another_one_is_a_remark(depth, gap, told, in_space):
+    certificate = pressed_stack(depth, gap=gap, in_space=in_space).solve().certificate
+    found = [text for text in certificate.remarks() if "belongs to no pair" in text]
+    assert len(found) == told and all("'tool'" in text and "'upper'" in text for text in found)
+
+
+@pytest.mark.parametrize("push", [-0.3, -0.1])
+def test_sides_that_boundary_conditions_hold_need_no_further_pair(push):
+    """No contact keeps them apart; the pair is there already."""
+    data = read(rectangles, size=0.25, left=(0.0, 0.0, 1.0, 1.0), right=(1.1, 0.05, 1.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    bcs = [fm.dirichlet(V, data, "left/bottom", (0.0, 0.0))]
+    bcs.append(fm.dirichlet(V, data, "right/bottom", (push, 0.0)))
+    pair = fm.ContactPair(data, "left/right", "right/left")
+    problem = problem_of(data, [pair], bcs, fem.Function(V))
+    if push == -0.1:
+        assert is_silent(problem.solve())
+        return
+    with pytest.raises(
+        fm.MortarError, match="boundary conditions prescribe nodes of both"
+    ) as found:
+        problem.solve()
+    assert "add a ContactPair" not in str(found.value)
+
+
+@pytest.mark.parametrize(("depth", "wrong"), [(0.1, True), (0.01, False)])
+def test_held_nodes_that_are_moved_into_an_obstacle_are_told(depth, wrong):
+    data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    bcs = [fm.dirichlet(V, data, "block/left", (0.0, -depth))]
+    pair = fm.ContactPair(data, "block/bottom", fm.Plane((0.0, 0.0), (0.0, 1.0)))
+    problem = problem_of(data, [pair], bcs, fem.Function(V))
+    report = problem.solve(accept_violations=True)
+    messages = report.certificate.violations() if wrong else report.certificate.remarks()
+    assert any("boundary conditions move nodes of the body into the" in text for text in messages)
+    assert bool(report.certificate.violations()) == wrong
 
 
 def outside_pairs(problem):

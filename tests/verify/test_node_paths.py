@@ -10,9 +10,9 @@ from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.obstacles.rigid_motion import at_place, rotation_by
+from fenics_mortar.obstacles.rigid_motion import RigidPath, at_place, rotation_by
 from fenics_mortar.verify.finding import LIMITS
-from fenics_mortar.verify.node_paths import Motions, Paths, RigidPath, StepEnds
+from fenics_mortar.verify.node_paths import Motions, Paths, StepEnds
 from fenics_mortar.verify.obstacle_passages import passed_through
 from fenics_mortar.verify.overlap import depths_in_body
 from fenics_mortar.verify.passages import Passages

@@ -22,8 +22,9 @@ from space_pair_scenes import (
 from space_scenes import held, solid
 
 import fenics_mortar as fm
+from fenics_mortar.obstacles.rigid_motion import RigidPath
 from fenics_mortar.utils.errors import MeshError
-from fenics_mortar.verify.node_paths import Paths, RigidPath, StepEnds
+from fenics_mortar.verify.node_paths import Paths, StepEnds
 from meshes import mapped_boxes
 from meshes.mapped_boxes import Box, block, mapped
 

@@ -34,7 +34,7 @@ def test_a_body_that_tips_off_an_edge_is_not_said_to_exceed_its_friction():
     touch = Touch("upper/bottom", "base/top", fm.Coulomb(0.9))
     bodies = [Body(upper, weight=1.5), Body(base, clamped=("bottom",))]
     scene = pose("off_the_edge", bodies, [touch], [{"weight": 1.0}], E=1e3)
-    reason = "turn body 'upper' about .* which no friction|body 'upper' has lost all contact"
+    reason = "body 'upper' tips over, which no friction can prevent"
     with pytest.raises(fm.NotConvergedError, match=reason) as error:
         list(scene.solve())
     assert "friction limit" not in str(error.value)

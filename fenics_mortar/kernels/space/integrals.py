@@ -9,14 +9,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import copy_row, cross2, grown
-from fenics_mortar.kernels.space.clipping import (
-    MAX_VERTICES,
-    begin_by_shape,
-    clip,
-    clipping_work,
-    place_vertices,
-    signed_area,
-)
+from fenics_mortar.kernels.space import clipping
 from fenics_mortar.kernels.space.normals import find_point, flatten, is_folded, jacobian, set_plane
 from fenics_mortar.kernels.space.shapes import piece_centres, pieces_of
 from fenics_mortar.utils.arrays import SAME_PLACE
@@ -32,14 +25,14 @@ def points_work(x, counts, rule):
     = (W (p,), N (p, 3, K), N^m (p, 3, K')).
     """
     own, others = counts
-    kind, most = x.dtype, (MAX_VERTICES - 2) * rule[1].size
+    kind, most = x.dtype, (clipping.MAX_VERTICES - 2) * rule[1].size
     facets = (
         pieces_of(own), piece_centres(own), pieces_of(others) + own, piece_centres(others)
     )  # fmt: skip
     plane = np.empty((4, 3), kind), np.empty((own + others, 2), kind), np.empty(own + others, kind)
     polygon = (
-        clipping_work(MAX_VERTICES), np.empty((MAX_VERTICES, 2), kind),
-        np.empty((MAX_VERTICES, 2), kind), np.empty((4, 2), kind),
+        clipping.clipping_work(clipping.MAX_VERTICES), np.empty((clipping.MAX_VERTICES, 2), kind),
+        np.empty((clipping.MAX_VERTICES, 2), kind), np.empty((4, 2), kind),
     )  # fmt: skip
     table = np.empty(most, kind), np.empty((most, 3, own), kind), np.empty((most, 3, others), kind)
     return facets, plane, polygon, table
@@ -69,13 +62,13 @@ def tabulate_points(images, facets, pieces, area, rule, polygon, table):
     (bary, weights), (W, N, L), (work, V, shares, corners) = rule, table, polygon
     (a, b), (c, d) = facets[1][pieces[0]], facets[3][pieces[1]]
     own, point, q, regular = N.shape[2], corners[3], 0, True
-    count = clip(images, facets[0][pieces[0]], facets[2][pieces[1]], area, work)
-    begin_by_shape(images, own, count, work)
-    place_vertices(images, work[0], count, V, shares)
+    count = clipping.clip(images, facets[0][pieces[0]], facets[2][pieces[1]], area, work)
+    clipping.begin_by_shape(images, own, count, work)
+    clipping.place_vertices(images, work[0], count, V, shares)
     for cell in range(count - 2):
         for k in range(2):
             corners[0, k], corners[1, k], corners[2, k] = V[0, k], V[cell + 1, k], V[cell + 2, k]
-        area_of_cell = signed_area(corners, 3)
+        area_of_cell = clipping.signed_area(corners, 3)
         for g in range(weights.size):
             for k in range(2):
                 point[k] = bary[g, 0] * corners[0, k] + bary[g, 1] * corners[1, k]
@@ -178,7 +171,7 @@ def integrate_facets(geometry, slave, masters, offsets, rule, values, deepest=No
                     )
                     folded[e] = folded[e] or not regular
                     if points > 0:
-                        cover += signed_area(polygon[1], count).real
+                        cover += clipping.signed_area(polygon[1], count).real
                     for q in range(points):
                         g, _ = gap_at(geometry, slave[e], masters[i], N[q], L[q], gap)
                         if deepest is None:

@@ -43,12 +43,7 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.blocks import cross, cross2, dot
 from fenics_mortar.kernels.projection import OPPOSITE, UNIT
-from fenics_mortar.kernels.space.shapes import (
-    QUADRILATERAL,
-    TRIANGLE,
-    reference_nodes,
-    tabulate_shapes,
-)
+from fenics_mortar.kernels.space import shapes
 from fenics_mortar.utils.arrays import MAX_STEPS
 
 
@@ -65,18 +60,18 @@ def _edge_directions(nodes, corners):
     return np.array(edges)
 
 
-EDGES_OF_TRIANGLE = _edge_directions(TRIANGLE, 3)
-EDGES_OF_QUADRILATERAL = _edge_directions(QUADRILATERAL, 4)
+EDGES_OF_TRIANGLE = _edge_directions(shapes.TRIANGLE, 3)
+EDGES_OF_QUADRILATERAL = _edge_directions(shapes.QUADRILATERAL, 4)
 
 
 @kernel
 def edge_coefficients(count):
     """P and Q (K, K): edges at node j of a facet are sum_k P[j, k] x_k and sum_k Q[j, k] x_k."""
     P, Q, N = np.empty((count, count)), np.empty((count, count)), np.empty((3, count))
-    nodes = reference_nodes(count)
+    nodes = shapes.reference_nodes(count)
     edges = EDGES_OF_TRIANGLE if count % 3 == 0 and count < 9 else EDGES_OF_QUADRILATERAL
     for j in range(count):
-        tabulate_shapes(nodes[j, 0], nodes[j, 1], N)
+        shapes.tabulate_shapes(nodes[j, 0], nodes[j, 1], N)
         for k in range(count):
             P[j, k] = N[1, k] * edges[j, 0, 0] + N[2, k] * edges[j, 0, 1]
             Q[j, k] = N[1, k] * edges[j, 1, 0] + N[2, k] * edges[j, 1, 1]
@@ -292,9 +287,9 @@ def is_folded(images, corners, N):
 
     ``N`` (3, K) is overwritten. A quadrilateral is folded if it is not convex.
     """
-    reference = reference_nodes(N.shape[1])
+    reference = shapes.reference_nodes(N.shape[1])
     for k in corners:
-        tabulate_shapes(reference[k, 0], reference[k, 1], N)
+        shapes.tabulate_shapes(reference[k, 0], reference[k, 1], N)
         xa, ya, xb, yb = jacobian(images, 0, N)
         if not cross2(xa, ya, xb, yb).real > 0.0:
             return True
@@ -311,7 +306,7 @@ def find_point(images, start, point, a, b, N):
     a, b = a + 0.0 * images[0, 0], b + 0.0 * images[0, 0]
     found = False
     for _ in range(MAX_STEPS):
-        tabulate_shapes(a, b, N)
+        shapes.tabulate_shapes(a, b, N)
         xa, ya, xb, yb = jacobian(images, start, N)
         det = cross2(xa, ya, xb, yb)
         if found or det.real == 0.0:

@@ -29,8 +29,7 @@ from fenics_mortar.contact.space_fields import SpaceFields
 from fenics_mortar.interface.mortar import Block, entries_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators, gaps_along, on_facets, points_of
 from fenics_mortar.interface.reference import facet_rule
-from fenics_mortar.utils.errors import MortarError, call_together
-from fenics_mortar.utils.ranks import from_all_ranks, sum_over_ranks
+from fenics_mortar.utils import errors, ranks
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
@@ -112,7 +111,7 @@ class Layout:
         """
         parts = zip(*map(entries_of, [NO_BLOCK, *blocks]), strict=True)
         mine = [np.concatenate(several) for several in parts]
-        rows, columns, values = from_all_ranks(self._sides[0].comm, mine)
+        rows, columns, values = ranks.from_all_ranks(self._sides[0].comm, mine)
         on = (rows >= 0) & (columns >= 0)
         at = rows[on], self.places(columns[on])
         found = csr_array((values[on], at), shape=(count, self.size))
@@ -374,16 +373,16 @@ def check_positions(contact: Interface) -> None:
             the position.
     """
     if not isinstance(contact, Contact) or contact.pair.sliding == "small":
-        raise MortarError(
+        raise errors.MortarError(
             f"{contact.pair!r} has D and M of the undeformed mesh: nodal positions as controls "
             "need contact with sliding='finite'"
         )
     for name, value in contact.pair.law.varying.items():
         if not isinstance(value, np.ndarray):
-            raise MortarError(f"{name} of {contact.pair.law!r} varies with the position")
+            raise errors.MortarError(f"{name} of {contact.pair.law!r} varies with the position")
     thickness = contact.slave.thickness
     if thickness is not None and thickness.by_x == 0.0 and np.ptp(thickness.at(contact.slave.X)):
-        raise MortarError(
+        raise errors.MortarError(
             "the thickness depends on the position: there are no derivatives by nodal positions"
         )
 
@@ -411,21 +410,21 @@ def fields_by_shape(contact: Contact, name: str) -> Changes:
         MortarError: If sliding is small.
     """
     if contact.pair.sliding == "small":
-        raise MortarError("shapes of obstacles cannot be controls with sliding='small'")
+        raise errors.MortarError("shapes of obstacles cannot be controls with sliding='small'")
     f, o = contact.now, contact.operators
     value = np.asarray(o.obstacle.shape()[name])
     units = np.eye(value.size).reshape(value.size, *value.shape)
     what = f"the derivative of '{o.obstacle.name}' by '{name}'"
-    gap, dn = call_together(
+    gap, dn = errors.call_together(
         o.slave.comm, what, lambda: (_gap(contact, name, units), _normals(contact, o, name, units))
     )
-    gap = sum_over_ranks(o.slave.comm, gap).T
+    gap = ranks.sum_over_ranks(o.slave.comm, gap).T
     found, vectors = {"normal": dn.reshape(len(dn), -1).T, "gap": gap}, of_vectors(f)
     if isinstance(f, SpaceFields):
         vectors |= of_slips(f)
     else:
         del vectors["slip"]
-        if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
+        if contact.pair.law.needs_slip:
             by_normal = contact.partners.by_normal(o)
             by_normal[np.isfinite(contact.plane_normals[:, 0])] = 0.0
             vectors["slip"] = {"normal": by_normal[:, None]}

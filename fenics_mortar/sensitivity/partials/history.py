@@ -17,7 +17,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array, eye
@@ -33,25 +33,16 @@ from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians
-from fenics_mortar.sensitivity.partials.fields import (
-    Changes,
-    Layout,
-    Matrix,
-    by_node,
-    of_law,
-    of_slips,
-    of_vectors,
-    rows_at_nodes,
-    rows_by_fields,
-    tangential_derivative,
-    through_fields,
-)
+from fenics_mortar.sensitivity.partials import fields
 from fenics_mortar.utils.arrays import EPSILON, Array, Indices
 from fenics_mortar.utils.errors import call_together, check_choice
 
+if TYPE_CHECKING:
+    from fenics_mortar.sensitivity.partials.fields import Changes, Matrix
+
 
 def slip_by_earlier(
-    contact: Contact, then: ContactFields, layout: Layout, carried: Array | None = None
+    contact: Contact, then: ContactFields, layout: fields.Layout, carried: Array | None = None
 ) -> Matrix:
     """Derivative of the slip of the step by the earlier state, (r slave nodes, size) (collective).
 
@@ -209,7 +200,7 @@ class _TermsInPlane(_Terms):
             return
         by_normal = np.where(self.counts, found.by_start_normal, 0.0)
         change = o.normal_derivative(by_normal[:, None] * quarter_turn(o.n))
-        yield rows_at_nodes(o.slave, o.normal_columns(), change)
+        yield fields.rows_at_nodes(o.slave, o.normal_columns(), change)
         if self.orientation is not None:
             yield from self.partners.by_angle(o, self.before, -found.by_angle)
 
@@ -305,31 +296,33 @@ def history_of_pair(contact: Contact, then: ContactFields) -> PairHistory:
         contact: The contact.
         then: Nodal fields of the earlier state, with operators that have all derivatives.
     """
-    layout, f = Layout(contact), contact.now
+    layout, f = fields.Layout(contact), contact.now
     keeps_shear = np.where(f.state.redundant & then.state.active, 1.0 / ELASTIC, 0.0)
-    by, redundant = rows_by_fields(contact), f.state.redundant.any()
+    by, redundant = fields.rows_by_fields(contact), f.state.redundant.any()
     if isinstance(f, SpaceFields) and isinstance(then, SpaceFields):
         of_step = slip_by_earlier(contact, then, layout)
         changes = {"slip_vector": of_step, "slip_of_step": of_step}
         if contact.pair.law.summed_slip:
             changes["slip_vector"] = slip_by_earlier(contact, then, layout, f.carried)
-        fields = {
-            name: through_fields(each, changes)
-            for name, each in (of_vectors(f) | of_slips(f)).items()
+        of_fields = {
+            name: fields.through_fields(each, changes)
+            for name, each in (fields.of_vectors(f) | fields.of_slips(f)).items()
         }
         if redundant:
             weighted = zip(contact.rows.frame()[2:4], f.row_tangents, strict=True)
             dyads = sum(weight[:, :, None] * along[:, None] for weight, along in weighted)
             by["shear"] = dyads * keeps_shear[:, None, None]
-            changes["shear"] = tangential_derivative(then, layout, then.z_u, of_slip=False)
-        return PairHistory(fields, through_fields(by, changes))
+            changes["shear"] = fields.tangential_derivative(then, layout, then.z_u, of_slip=False)
+        return PairHistory(of_fields, fields.through_fields(by, changes))
     off_planes = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
-    changes = {"slip": by_node(off_planes[:, None, None]) @ slip_by_earlier(contact, then, layout)}
-    fields = dict(changes)
+    changes = {
+        "slip": fields.by_node(off_planes[:, None, None]) @ slip_by_earlier(contact, then, layout)
+    }
+    of_fields = dict(changes)
     if redundant:
         by["shear"] = contact.rows.frame()[2] * keeps_shear[:, None]
-        changes["shear"] = of_law(then, layout, "z_tau")
-    return PairHistory(fields, through_fields(by, changes))
+        changes["shear"] = fields.of_law(then, layout, "z_tau")
+    return PairHistory(of_fields, fields.through_fields(by, changes))
 
 
 # Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the
@@ -389,7 +382,7 @@ def by_parameter(contact: Contact, name: str, response: Response) -> Matrix:
         return other, {}
 
     if name in law.varying:  # a node depends only on its own value
-        return by_node(response(contact, name, value, np.ones_like(value), at)[:, :, None])
+        return fields.by_node(response(contact, name, value, np.ones_like(value), at)[:, :, None])
     units = np.eye(value.size).reshape(value.size, *value.shape)
     columns = [response(contact, name, value, unit, at).ravel() for unit in units]
     return np.column_stack(columns)
@@ -450,18 +443,18 @@ def memory_of_pair(contact: Contact) -> PairMemory:
             else:
                 value = np.asarray(given.memory[name])
                 parts.append(by(response, name, value, partial(at_memory, name)))
-        return by_node(np.stack(parts, axis=2))
+        return fields.by_node(np.stack(parts, axis=2))
 
     def memory_by_sum() -> Array:
         assert isinstance(f, SpaceFields)
-        vectors = of_vectors(f) | of_slips(f)
+        vectors = fields.of_vectors(f) | fields.of_slips(f)
         change = by_fields["total_slip"] @ vectors["total_slip"]["slip_vector"]
         for by_number, name in zip(of_slip, ("slip", "z_tau"), strict=True):
             change = change + by_number[:, :, None] * vectors[name]["slip_vector"]
         return change
 
     own = by_own(change_of_memory, memory_by_sum)
-    rows = by_own(change_of_rows, lambda: rows_by_fields(contact)["slip_vector"])
+    rows = by_own(change_of_rows, lambda: fields.rows_by_fields(contact)["slip_vector"])
     return PairMemory(by_fields, own, rows)
 
 

@@ -16,9 +16,7 @@ from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 if TYPE_CHECKING:
     from fenics_mortar.bulk.residual import Bulk
-    from fenics_mortar.contact.contact import Contact
     from fenics_mortar.contact.interface import Interface
-    from fenics_mortar.contact.tied import Tie
 
 
 # Error of fluxes above which a state is no solution [1]: below the error of usual meshes. Where
@@ -30,7 +28,7 @@ SMALL_FLUX = 0.01
 
 
 def balance_of_bodies(
-    bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
+    bulk: Bulk, contacts: Sequence[Interface], labels: Indices, unbalanced: Array
 ) -> tuple[float, Array]:
     """Relative sums of reactions, loads and contact forces of bodies and obstacles [1].
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_mortar.contact.view import describe_search_radius
-from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags
+from fenics_mortar.utils.arrays import HALF_FACET, Array, Flags, first_largest
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
@@ -54,7 +54,10 @@ def _at_nodes(measured: Measured) -> Iterator[Finding]:
         max(float(excess.max()), 0.0) / max(largest, float(measured.friction_limit.max())),
         limit=limit,
     )  # fmt: skip
-    overlap, where = max(-float(gap.min()), 0.0), format_point(contact.operators.x[gap.argmin()])
+    overlap, where = (
+        max(-float(gap.min()), 0.0),
+        format_point(contact.operators.x[first_largest(-gap)]),
+    )
     yield Finding(
         "overlap", "overlap at the nodes", overlap,
         f"overlap {overlap:.1e} (allowed {limit:.1e}) at {where}, in facets; partners are searched "
@@ -153,7 +156,7 @@ def _deepest(contact: Contact, gaps: Array, at: Array) -> Place:
     """The smallest of gaps (n,) at places (n, dim) of all ranks, inf if none is finite."""
     smallest, where = np.inf, ""
     if np.isfinite(gaps).any():
-        deepest = int(gaps.argmin())
+        deepest = first_largest(-gaps)
         smallest, where = float(gaps[deepest]), format_point(at[deepest])
     return min(contact.slave.comm.allgather((smallest, where)))
 

@@ -7,6 +7,10 @@ friction. With the smooth surface as slave the direction is correct, but the pos
 corner between two slave nodes is uncertain by up to a tenth of the facet. Relative to the facet
 length, neither error decreases with refinement. Both are detected by normals of the two sides that
 are not opposite.
+
+In space the force on a sharp edge of the slave that is oblique to the master on both sides, as that
+of a knife, acts along an average that depends on the facets beside the edge, not along the normal
+of the surface on which the edge presses.
 """
 
 from __future__ import annotations
@@ -19,17 +23,13 @@ import numpy as np
 from fenics_mortar.contact.arcs import quarter_turn, rotated_by
 from fenics_mortar.contact.law import STICK
 from fenics_mortar.kernels.projection import lagrange
-from fenics_mortar.utils.arrays import angles_between
-from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.ranks import agreed, any_over_ranks, largest_over_ranks, sum_over_ranks
+from fenics_mortar.utils import errors, ranks
+from fenics_mortar.utils.arrays import Array, Flags, Indices, angles_between, first_largest
 from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.finding import INFINITE, LIMITS, Finding, Measured
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.contact import Contact
-    from fenics_mortar.utils.arrays import Array, Flags, Indices
-
-IN_PLANE_ONLY = True
 
 # With friction, fraction of the friction above which there is a remark on forces along the surface
 # at corners [1]. Measured on wedges of 90 to 150 degrees: if the error of the ratio of shear and
@@ -40,7 +40,13 @@ AROUND_CORNER = 3
 
 
 def of_contact(measured: Measured) -> Iterator[Finding]:
-    """Errors at corners of slave and master, at clamped and at free ends (collective)."""
+    """Errors at corners of slave and master, at clamped and at free ends (collective).
+
+    In space at sharp edges of the slave.
+    """
+    if measured.contact.slave.dim == 3:
+        yield from _at_sharp_edges(measured)
+        return
     yield from _at_clamped_ends(measured)
     yield from _of_surfaces(measured)
     yield from _of_resultants(measured)
@@ -68,7 +74,10 @@ def _of_surfaces(measured: Measured) -> Iterator[Finding]:
         return
     forces, along = _forces_along_master(contact, measured.pressure)
     total = positive_or_one(float(forces.sum()))
-    angle, where = float(along.sum()) / total, format_point(contact.operators.x[along.argmax()])
+    angle, where = (
+        float(along.sum()) / total,
+        errors.format_point(contact.operators.x[first_largest(along)]),
+    )
     shear, excess, sticks_at = _at_corners(measured, forces, total)
     is_slave = shear > 0.5 * LIMITS.at_corners
     known = "direction and depth are" if is_slave else "depth is"
@@ -87,14 +96,14 @@ def _of_surfaces(measured: Measured) -> Iterator[Finding]:
         "corner_shear", "force along the surface due to corners / normal force", shear,
         f"{shear:.1%} of the normal forces act along the surface, compared with a friction of "
         f"{friction:.2g}: a corner of the slave presses at {where}, along its averaged normal; "
-        f"{measured.other_roles}round the corner",
+        f"{contact.other_roles}round the corner",
         remark=limit if friction > 0.0 else INFINITE, where=where,
     )  # fmt: skip
     yield Finding(
         "excess_shear", "shear of sticking corners above the friction limit / that limit", excess,
         f"a corner of the slave sticks at {sticks_at}, but the shear along '{contact.master.name}' "
         f"is {excess:.1%} above the friction limit: the direction of the force on a corner, that "
-        f"of its averaged normal, is not resolved; {measured.other_roles}round the corner",
+        f"of its averaged normal, is not resolved; {contact.other_roles}round the corner",
         limit=LIMITS.at_corners, remark=OF_FRICTION, where=sticks_at,
     )  # fmt: skip
 
@@ -120,7 +129,7 @@ def _forces_along_master(contact: Contact, pressure: Array) -> tuple[Array, Arra
     along = forces * np.abs(np.einsum("sjc,sjc->sj", o.n[s.slave], tangents))
     size = contact.slave.num_nodes
     nodal = np.stack([np.bincount(s.slave.ravel(), v.ravel(), size) for v in (forces, along)])
-    forces, along = sum_over_ranks(contact.slave.comm, nodal)
+    forces, along = ranks.sum_over_ranks(contact.slave.comm, nodal)
     return forces, along
 
 
@@ -141,7 +150,7 @@ def _at_corners(measured: Measured, forces: Array, total: float) -> tuple[float,
     o = contact.operators
     before, after = facet_angles(contact)
     corners = (contact.active & (after - before > LIMITS.corner)).nonzero()[0]
-    corners = agreed(contact.slave.comm, corners)
+    corners = ranks.agreed(contact.slave.comm, corners)
     if not corners.size:
         return 0.0, 0.0, ""
     runs = np.where(contact.active, runs_of(contact), -1)
@@ -154,12 +163,12 @@ def _at_corners(measured: Measured, forces: Array, total: float) -> tuple[float,
     largest, where = 0.0, ""
     for k in np.flatnonzero([is_flat for _, is_flat in around]):
         mine = labels == k
-        first = np.flatnonzero(mine)[forces[corners[mine]].argmax()]
+        first = np.flatnonzero(mine)[first_largest(forces[corners[mine]])]
         across = rotated_by(o.n[corners[first]], angle[first])
         if (contact.branch[corners[mine]] == STICK).any():
             excess = _excess_shear(measured, runs == kept[k], across)
             if excess > largest:
-                largest, where = excess, format_point(o.x[corners[first]])
+                largest, where = excess, errors.format_point(o.x[corners[first]])
     return float(error) / total, largest, where
 
 
@@ -213,7 +222,7 @@ def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
     o, s, master = contact.operators, contact.operators.segments, contact.master
     faced = np.zeros(master.num_nodes, bool)
     faced[s.master[run[s.slave].any(axis=1)]] = True
-    faced = any_over_ranks(contact.slave.comm, faced)
+    faced = ranks.any_over_ranks(contact.slave.comm, faced)
     on_facet = faced[master.facets].all(axis=1)
     for _ in range(AROUND_CORNER):
         faced[master.facets[on_facet]] = True
@@ -281,7 +290,7 @@ def end_pressure(contact: Contact, pressure: Array) -> tuple[float, str]:
     if not ratio.any():
         return 0.0, ""
     where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
-    return float(ratio.max()), format_point(where)
+    return float(ratio.max()), errors.format_point(where)
 
 
 def _of_resultants(measured: Measured) -> Iterator[Finding]:
@@ -322,17 +331,63 @@ def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str
     marked[nodes] = True
     touched = marked[s.slave].any(axis=1)
     first, last = o.x[s.slave[touched, 0]], o.x[s.slave[touched, -1]]
-    along = sum_over_ranks(contact.slave.comm, (last - first).sum(axis=0))
+    along = ranks.sum_over_ranks(contact.slave.comm, (last - first).sum(axis=0))
     size = float(np.linalg.norm(along))
     along = along / positive_or_one(size)
     fractions = 0.5 * (1.0 + s.ends[touched])
     covered = (first @ along)[:, None] + ((last - first) @ along)[:, None] * fractions
     longest = float(np.linalg.norm(last - first, axis=1).max(initial=0.0))
     bounds = np.array([covered.max(initial=-np.inf), -covered.min(initial=np.inf), longest])
-    bounds = largest_over_ranks(contact.slave.comm, bounds)
+    bounds = ranks.largest_over_ranks(contact.slave.comm, bounds)
     pulls = bool((forces[nodes] < 0.0).any()) or not forces[nodes].any()
     if pulls or size == 0.0:
         return 0.0, ""
     centre = forces[nodes] @ o.x[nodes] / forces[nodes].sum()
     at = float(centre @ along)
-    return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), format_point(centre)
+    return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), errors.format_point(centre)
+
+
+def _at_sharp_edges(measured: Measured) -> Iterator[Finding]:
+    """Fraction of the normal forces that acts along the master at sharp edges (collective)."""
+    contact, limit = measured.contact, LIMITS.at_corners
+    sharp = contact.evaluation.sharp_edges.nodes
+    if contact.obstacle is not None or not sharp.size:
+        return
+    forces, along = _forces_along_faces(contact, measured.pressure)
+    shear = float(along[sharp].sum()) / positive_or_one(float(forces.sum()))
+    compared, where = "", errors.format_point(contact.operators.x[sharp[along[sharp].argmax()]])
+    if contact.pair.law.has_friction and measured.friction > 0.0:
+        limit = min(limit, max(OF_FRICTION * measured.friction, LIMITS.negligible))
+        compared = f", compared with a friction of {measured.friction:.2g}"
+    yield Finding(
+        "corner_shear", "force along the surface due to sharp edges / normal force", shear,
+        f"{shear:.1%} of the normal forces act along '{contact.master.name}'{compared}: a sharp "
+        f"edge of the slave presses at {where}, along the normal of a facet beside it, or their "
+        "average; "
+        f"{contact.other_roles}round the edge",
+        remark=limit, where=where,
+    )  # fmt: skip
+
+
+def _forces_along_faces(contact: Contact, pressure: Array) -> tuple[Array, Array]:
+    """Normal forces and their components along the master's facets, (slave nodes,) (collective).
+
+    Args:
+        contact: The pair.
+        pressure: Normal multipliers, shape (slave nodes,) [stress].
+
+    Returns:
+        Two arrays of norms, each (slave nodes,) [stress length^2].
+    """
+    o, s = contact.operators, contact.operators.segments
+    nodes, corners = o.facet_nodes[s.owner], o.m[s.master[:, : contact.master.corners.shape[1]]]
+    ends = corners[:, -2] - corners[:, 0], corners[:, -1] - corners[:, -3]  # diagonals or edges
+    normals = np.cross(*ends)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    forces = (o.M.sum(axis=2) * pressure[nodes])[..., None] * o.n[nodes]
+    across = np.einsum("pkc,pc->pk", forces, normals)
+    nodal = np.zeros((2, len(o.x), 3))
+    np.add.at(nodal[0], nodes, forces)
+    np.add.at(nodal[1], nodes, forces - across[..., None] * normals[:, None])
+    total, along = np.linalg.norm(ranks.sum_over_ranks(contact.slave.comm, nodal), axis=2)
+    return total, along

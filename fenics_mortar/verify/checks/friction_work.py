@@ -26,7 +26,7 @@ from scipy.sparse import csr_array, eye
 from fenics_mortar.contact import arcs
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.obstacles.rigid_motion import inverse_jacobians, moments_of
-from fenics_mortar.utils.arrays import SUM_ROUNDING, TINY, Array, norms
+from fenics_mortar.utils.arrays import SUM_ROUNDING, TINY, Array, first_largest, norms
 from fenics_mortar.utils.errors import format_point
 from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
@@ -72,7 +72,7 @@ def work_along_arcs(before: Array, after: Array, moved: Array, turned: Array) ->
 def of_contact(measured: Measured) -> Iterator[Finding]:
     """Work of friction in the last step, and rotations of uncertain direction (collective)."""
     contact, law = measured.contact, measured.contact.pair.law
-    if not (law.has_friction or law.needs_nodal_state):
+    if not law.needs_slip:
         return
     yield from findings(_difference_of_work(contact), *uncertain_rotation(contact))
     if contact.obstacle is None and contact.across_planes is not None:
@@ -229,7 +229,7 @@ def _approach(measured: Measured) -> Iterator[Finding]:
     apart = np.maximum(start, norms(partners.gap_vectors(o)))
     new = contact.active & (partners.pressure == 0.0) & (apart > contact.slave.nodal_lengths)
     both = np.where(new, np.minimum(slave, master), 0.0)
-    degrees, where = float(np.degrees(both.max())), format_point(o.x[both.argmax()])
+    degrees, where = float(np.degrees(both.max())), format_point(o.x[first_largest(both)])
     sagitta = np.maximum(1.0 - np.cos(slave), TINY)
     error = both * start * (1.0 - np.sinc(slave / np.pi)) / sagitta
     error += np.where(new, 0.5 * relative * start, 0.0)

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import or_other_weights
+from fenics_mortar.contact.view import or_other_weights
 from fenics_mortar.interface.facing import linear_facets
 from fenics_mortar.obstacles.obstacle import DIFFERENCE, Obstacle, is_of_package
-from fenics_mortar.rigid.complementarity import nonnegative_least_squares
-from fenics_mortar.utils.arrays import TINY, Array, Flags, Indices, norms
+from fenics_mortar.utils.arrays import TINY, first_largest, nonnegative_least_squares, norms
 from fenics_mortar.utils.errors import MortarError, call_together, format_point
 from fenics_mortar.verify.checks.balance import positive_or_one
 from fenics_mortar.verify.checks.corners import facet_angles
@@ -22,6 +21,7 @@ from fenics_mortar.verify.finding import LIMITS, Finding, Measured
 
 if TYPE_CHECKING:
     from fenics_mortar.contact.interface import Interface
+    from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Largest admissible sine of the angle between a user's gradient and difference quotients [1],
 # slightly below the error of forces along averaged normals.
@@ -83,7 +83,7 @@ def _loaded_away(contact: Contact) -> Finding:
     forces = np.abs(np.einsum("jc,jc->j", contact.now.forces[0], o.n))
     away = forces * np.abs(o.phi - contact.now.offset) / contact.slave.nodal_lengths
     part = float(away.sum()) / positive_or_one(float(forces.sum()))
-    where = format_point(o.x[away.argmax()])
+    where = format_point(o.x[first_largest(away)])
     return Finding(
         "obstacle_edges",
         "mean distance of loaded nodes from the obstacle",
@@ -109,7 +109,7 @@ def _along_facets(measured: Measured) -> Finding:
     off_cones = _off_cones_of_curve if contact.slave.dim == 2 else _off_cones_of_faces
     along = forces * off_cones(contact, forces > 0.0)
     part = float(along.sum()) / positive_or_one(float(forces.sum()))
-    where = format_point(o.x[along.argmax()])
+    where = format_point(o.x[first_largest(along)])
     return Finding(
         "obstacle_angle", "angle between obstacle and facets", part,
         f"{part:.0%} of the normal forces act along the facets of the slave, most of them at "
@@ -222,7 +222,7 @@ def gradient_error(contact: Contact) -> tuple[float, str]:
         return 0.0, ""
     call = partial(_errors, obstacle, contact, contact.active)
     errors = call_together(comm, f"the distance of '{obstacle.name}'", call)
-    where = format_point(contact.operators.x[contact.active][int(errors.argmax())])
+    where = format_point(contact.operators.x[contact.active][first_largest(errors)])
     return max(comm.allgather((float(np.median(errors)), where)))
 
 
@@ -242,7 +242,7 @@ def check_user_gradient(contact: Interface) -> None:
         raise MortarError(
             f"the gradient of the distance of '{obstacle.name}' points against its increase at "
             f"most nodes of '{contact.slave.name}', one at "
-            f"{format_point(contact.operators.x[int(errors.argmax())])}: the sign of the distance "
+            f"{format_point(contact.operators.x[first_largest(errors)])}: the sign of the distance "
             "or that of its gradient is wrong; expected negative distances in the solid, and the "
             "gradient out of it"
         )

@@ -49,13 +49,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fenics_mortar.contact.interface import or_other_weights
+from fenics_mortar.contact.view import or_other_weights
 from fenics_mortar.interface.facing import nearest_on_master
 from fenics_mortar.interface.reference import CORNERS
 from fenics_mortar.interface.surfaces import MIN_SHARE
-from fenics_mortar.utils.arrays import HALF_FACET, ROUNDING, TINY, angles_between, norms
-from fenics_mortar.utils.errors import format_point
-from fenics_mortar.utils.ranks import largest_over_ranks, sum_over_ranks
+from fenics_mortar.utils import arrays, errors, ranks
 from fenics_mortar.verify.checks.corners import facet_angles
 from fenics_mortar.verify.finding import CURVED, LIMITS, POINTS_BETWEEN, Finding, Measured
 
@@ -109,7 +107,7 @@ def _opening(measured: Measured) -> Finding:
         # gaps of active nodes are not zero under a law with a closing gap
         work = force * np.maximum(_gaps_of_nodes(contact) - np.abs(np.nan_to_num(contact.gap)), 0.0)
         opening = float(work.sum() / force.sum()) / (force.sum() / (modulus * size))
-        where = format_point(contact.operators.x[work.argmax()])
+        where = errors.format_point(contact.operators.x[arrays.first_largest(work)])
     return Finding(
         "openings", "gaps at nodes with forces / approach of the bodies", opening,
         f"nodes carry forces where the surfaces are apart, most of all at {where}: on average by "
@@ -148,7 +146,9 @@ def _narrow_regions(measured: Measured) -> tuple[float, str]:
     found = list[tuple[float, str]]()
     for nodes in _regions(active, edges):
         region = measure(nodes)
-        if region and (region.is_narrow or region.width < region.opposite * (1.0 - ROUNDING)):
+        if region and (
+            region.is_narrow or region.width < region.opposite * (1.0 - arrays.ROUNDING)
+        ):
             found.append((float(force[nodes].sum()), _describe(contact, nodes, region)))
     carried = sum(part for part, _ in found)
     return (carried / float(force.sum()), max(found)[1]) if found else (0.0, "")
@@ -198,7 +198,7 @@ def _on_edge(contact: Contact) -> Flags:
     slave, o = contact.slave, contact.operators
     corners = o.x[slave.facets[:, [0, 1, CORNERS[slave.facets.shape[1]] - 1]]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), arrays.TINY)[:, None]
     cosines = np.einsum("fkc,fc->fk", o.n[slave.facets], normals)
     least = np.ones(slave.num_nodes)
     np.minimum.at(least, slave.facets, cosines)
@@ -221,13 +221,15 @@ def _largest_facets(contact: Contact) -> tuple[Array, Array]:
     if contact.obstacle is not None:
         return own, opposite
     if slave.dim == 2:
-        sizes = norms(m[s.master[:, -1]] - m[s.master[:, 0]])
+        sizes = arrays.norms(m[s.master[:, -1]] - m[s.master[:, 0]])
     else:
         corners = m[s.master[:, : CORNERS[s.master.shape[1]]]]
-        areas = norms(np.cross(corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]))
-        sizes = np.sqrt(areas * (HALF_FACET if corners.shape[1] == 3 else 1.0))
+        areas = arrays.norms(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0])
+        )
+        sizes = np.sqrt(areas * (arrays.HALF_FACET if corners.shape[1] == 3 else 1.0))
     np.maximum.at(opposite, s.slave, sizes[:, None])
-    return own, largest_over_ranks(slave.comm, opposite)
+    return own, ranks.largest_over_ranks(slave.comm, opposite)
 
 
 class _Region(NamedTuple):
@@ -254,11 +256,11 @@ def _describe(contact: Contact, nodes: Indices, region: _Region) -> str:
     sides = " and ".join(f"'{name}'" for name in names)
     many, about = "s" * (active > 1), "about " * (contact.slave.dim == 3)
     return (
-        f"{active} active node{many} at {format_point(contact.operators.x[nodes].mean(axis=0))}, "
+        f"{active} active node{many} at "
+        f"{errors.format_point(contact.operators.x[nodes].mean(axis=0))}, "
         f"{about}{region.width:.3g} wide on facets of {max(region.own, region.opposite):.3g}: "
-        "their resultant is known, but pressure and approach are not; refine "
-        f"{sides} there to facets of {region.width / FACETS_OVER_WIDTH:.2g}, {FACETS_OVER_WIDTH} "
-        "over the width"
+        f"their resultant is known, but pressure and approach are not; refine {sides} there to "
+        f"facets of {region.width / FACETS_OVER_WIDTH:.2g}, {FACETS_OVER_WIDTH} over the width"
     )
 
 
@@ -282,7 +284,7 @@ def _on_curve(contact: Contact, facets: tuple[Array, Array], nodes: Indices) -> 
     beside = beside[(beside >= 0) & ~np.isin(beside, nodes)]
     if beside.size and not contact.covered[beside].any():  # between the ends of the master
         width = copies * float(o.cover[nodes].sum())
-        is_narrow = width < own * (1.0 - ROUNDING)
+        is_narrow = width < own * (1.0 - arrays.ROUNDING)
     return _Region(width, own, opposite, is_narrow)
 
 
@@ -292,7 +294,7 @@ def _on_faces(
     """A region of ``nodes`` (k,) of faces; ``None`` where an edge ends it (local)."""
     o, (own, opposite) = contact.operators, (float(sizes[nodes].max()) for sizes in facets)
     is_sliver = o.cover[nodes].sum() < MIN_SHARE * contact.slave.full_cover[nodes].sum()
-    if len(nodes) > 1 and on_edge[nodes].mean() > HALF_FACET and not is_sliver:
+    if len(nodes) > 1 and on_edge[nodes].mean() > arrays.HALF_FACET and not is_sliver:
         return None
     about = o.x[nodes] - o.x[nodes].mean(axis=0)
     axis = np.linalg.svd(about, full_matrices=False)[2][0]
@@ -312,13 +314,13 @@ def _is_point_support(contact: Contact, nodes: Indices, facet: float) -> bool:
     across = np.hypot(*(points[:, None] - points).transpose(2, 0, 1))
     sines = 0.5 * np.hypot(*(normals[:, None] - normals).transpose(2, 0, 1))
     i, j = np.unravel_index(int(np.argmax(sines)), sines.shape)
-    return bool(across[i, j] < 2.0 * HALF_FACET * facet * sines[i, j])
+    return bool(across[i, j] < 2.0 * arrays.HALF_FACET * facet * sines[i, j])
 
 
 def _sagittas(surface: Curve) -> Array:
     """Sagittas of curves through the undeformed facets at each node, (nodes,) [length]."""
     X, before, after = surface.X, surface.previous, surface.following
-    turns = np.abs(angles_between(X - X[before], X[after] - X))
+    turns = np.abs(arrays.angles_between(X - X[before], X[after] - X))
     is_curve = (before >= 0) & (after >= 0) & (turns < LIMITS.sharp_corner)
     return np.where(is_curve, turns, 0.0) * surface.nodal_lengths / 8.0
 
@@ -350,12 +352,12 @@ def _gaps_of_facets(measured: Measured) -> tuple[float, str]:
     inside = contact.active[s.slave].all(axis=1)
     ends = o.x[s.slave[:, [0, -1]]]
     sizes = 0.5 * np.ptp(s.ends, axis=1) * np.hypot(*(ends[:, 1] - ends[:, 0]).T) * inside
-    sums = sum_over_ranks(slave.comm, [sizes @ squares, sizes.sum()])
+    sums = ranks.sum_over_ranks(slave.comm, [sizes @ squares, sizes.sum()])
     if not sums[0] > 0.0:
         return 0.0, ""
     largest, where = 0.0, ""
     if inside.any():
         first = int(np.argmax(np.where(inside, squares, 0.0)))
-        largest, where = float(squares[first]), format_point(ends[first].mean(axis=0))
+        largest, where = float(squares[first]), errors.format_point(ends[first].mean(axis=0))
     _, where = max(slave.comm.allgather((largest, where)))
     return float(np.sqrt(sums[0] / sums[1])) / approach, where
