@@ -90,6 +90,31 @@ def test_a_body_in_no_pair_stays():
     assert scene.largest() == 0.0
 
 
+@pytest.mark.parametrize("way, mu, most", [((0.2, 0.0), 0.1, 60), ((0.2, 0.1), 0.5, 5)])
+def test_a_block_on_a_tray_is_carried_along(way, mu, most):
+    """Friction that drives it ends with the slip: a steady slide is not without end."""
+    tray = Flat((0.0, 0.0), (0.0, 1.0), "tray")
+    grid = Grid("block", block(8, 4, width=1.0, height=0.5))
+    touches = [Touch("block/bottom", tray, fm.Coulomb(mu))]
+    scene = pose("carried", [Body(grid, weight=1.0)], touches, [{"weight": 1.0}])
+    list(scene.solve())
+    scene.obstacles["tray"].move(x=way[0], y=way[1])
+    report = scene.problem.solve()
+    assert scene.motion("block") == pytest.approx([*way, 0.0], abs=1e-3)
+    assert report.num_iterations <= most
+
+
+def test_a_block_on_a_turning_tray_follows_it_once():
+    tray = Flat((0.0, 0.0), (0.0, 1.0), "tray")
+    grid = Grid("block", block(8, 4, width=1.0, height=0.5, corner=(1.0, 0.0)))
+    touches = [Touch("block/bottom", tray, fm.Coulomb(0.9))]
+    scene = pose("turned", [Body(grid, weight=1.0)], touches, [{"weight": 1.0}])
+    list(scene.solve())
+    scene.obstacles["tray"].move(angle=0.3)
+    assert scene.problem.solve().num_iterations <= 10
+    assert scene.motion("block")[2] == pytest.approx(0.3, abs=0.01)
+
+
 def test_motion_past_slides_or_tips():
     """A block of weight one and width two, pushed at a height: slides below 1 / mu, else tips."""
 

@@ -17,6 +17,7 @@ from fenics_mortar.verify.certificate import Certificate, PairCertificate
 from fenics_mortar.verify.checks.corners import end_pressure
 from fenics_mortar.verify.finding import Finding, mean_friction
 from meshes import indenter_on_block, mapped_grids, two_blocks
+from meshes.mapped_grids import Grid, block
 
 
 def solved(**options):
@@ -442,3 +443,39 @@ def test_turned_bodies_with_linear_strains_are_told(material, angle, told):
     assert found == told
     change = shaft.problem.contacts[0].pressure.mean() / before - 1.0
     assert (0.05 < change < 0.1) if told else abs(change) < 0.01
+
+
+@pytest.mark.parametrize("material", [linear_elastic, neo_hookean])
+def test_collapsed_cells_are_solved(material):
+    """F is not known at corners that two nodes share."""
+    data = read(mapped_grids.build, grids=[Grid("block", block(4, 4, width=1.0, height=1.0))])
+    x = data.mesh.geometry.x
+    x[np.hypot(x[:, 0] - 0.5, x[:, 1] - 0.5) < 0.1, 0] = 0.25  # onto the node beside it
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, "block/top", (0.0, -0.01))]
+    pair = fm.ContactPair(data, "block/bottom", fm.Plane((0.0, 0.0), (0.0, 1.0)))
+    residual = internal(u, material(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="collapsed_")
+    report = problem.solve()
+    assert report.converged and report.certificate.violations() == []
+
+
+def test_strains_of_bodies_that_are_held_as_a_whole_have_no_remark():
+    """Their stresses act on nothing."""
+    data = read(rectangles, size=0.25, lower=(0.0, 0.0, 1.0, 1.0), upper=(0.1, 1.0, 0.8, 0.5))
+    V = fm.vector_space(data.mesh, 1)
+    u, moved = fem.Function(V), fem.Function(V)
+    turn = rotation(0.05) - np.eye(2)
+    moved.interpolate(lambda x: turn @ x[:2] - np.array([[0.0], [0.01]]) * (x[1] > 1.4))
+    bcs = [
+        fem.dirichletbc(moved, fem.locate_dofs_geometrical(V, place))
+        for place in (lambda x: x[1] > 1.4, lambda x: x[1] < 0.9)
+    ]
+    bcs.append(fm.dirichlet(V, data, "lower/top", moved))
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair], bcs=bcs, petsc_options_prefix="held_"
+    )
+    remarks = problem.solve(accept_violations=True).certificate.remarks()
+    assert [text.split("'")[1] for text in remarks if "linear strains" in text] == ["upper"]

@@ -407,6 +407,23 @@ def test_held_nodes_that_are_moved_into_an_obstacle_are_told(depth, wrong):
     assert bool(report.certificate.violations()) == wrong
 
 
+@pytest.mark.parametrize("move", [0.0, -0.02])
+def test_held_nodes_that_the_mesh_has_in_an_obstacle_are_no_error(move):
+    """Interference; what boundary conditions add to it is."""
+    data = read(rectangles, size=0.1, block=(0.0, 0.0, 1.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    bcs = [fm.dirichlet(V, data, "block/left", (0.0, move))]
+    pair = fm.ContactPair(data, "block/bottom", fm.Plane((0.0, 0.02), (0.0, 1.0)))
+    problem = problem_of(data, [pair], bcs, fem.Function(V))
+    certificate = problem.solve(accept_violations=True).certificate
+    messages = messages_of_held(certificate.violations())
+    assert bool(messages) == (move < 0.0) and all("0.02 deep" in text for text in messages)
+
+
+def messages_of_held(messages):
+    return [text for text in messages if "boundary conditions move nodes of the body" in text]
+
+
 def outside_pairs(problem):
     return [crossing for crossing in problem.certificate().crossings if not crossing.is_paired]
 
