@@ -401,7 +401,8 @@ def test_gradients_are_those_of_perfect_conduction(algorithm):
     for name, control in controls.items():
         along = sensitivity.tangent_linear(form, control, 1.0, problem).derivative
         size = value / abs(start[name])
-        assert along == pytest.approx(float(found[control]), abs=2e-11 * size)
+        # rounding of two solves: 2e-12 to 5e-12, with PETSc, numpy and BLAS of wheels 2.2e-11
+        assert along == pytest.approx(float(found[control]), abs=1e-10 * size)
         if name == "conductivity":
             assert abs(along) < 1e-12 * size
             continue
