@@ -226,12 +226,6 @@ class Contact(interface.Interface):
         return "operators" if self.slave.dim == 3 else self.pair.discretization.slip
 
     @property
-    def other_roles(self) -> str:
-        """Advice to exchange slave and master; "" for a surface in contact with itself."""
-        slave, master = self.slave.name, self.master.name
-        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
-
-    @property
     def depends_on_slip(self) -> bool:
         """Whether forces depend on a slip that is counted from partners."""
         return self.pair.sliding != "small" and self.pair.law.needs_slip

@@ -294,6 +294,12 @@ class Interface(ABC):
         """Evaluate operators and fields at the displacement ``u``, (local dofs,) (collective)."""
 
     @property
+    def other_roles(self) -> str:
+        """Advice to exchange slave and master; "" for a surface in contact with itself."""
+        slave, master = self.slave.name, self.master.name
+        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
+
+    @property
     @abstractmethod
     def partner_operators(self) -> Any:
         """Operators at the positions that define the partners."""

@@ -526,9 +526,7 @@ def carried_by(
     )
     how = mover.describe(springs, directed=True) if acts else ""
     tips = free is not None and bool(np.linalg.norm(free @ springs) > RIGID.slight * contact)
-    return SpringForce(
-        mover.name, fraction if acts else 0.0, slides and not sticks, how, tips, closed
-    )
+    return SpringForce(mover.name, fraction if acts else 0.0, slides, how, tips, closed)
 
 
 def tangent_stiffness(drive: Array, force: float) -> float:

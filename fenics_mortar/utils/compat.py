@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from fenics_mortar.utils.arrays import Array, Indices, Numbers
 
 # PT-SCOTCH 7, which divides meshes, calls MPI from two threads of a rank unless told to use one: on
-# small meshes it then waits for ever (7.0.16 with Open MPI 5, 5 cells on 5 ranks: 1 of 200 times).
+# small meshes it then waits for ever (7.0.16, Open MPI 5, 5 cells on 5 ranks: within 200 meshes).
 os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
 
 _petsc = ctypes.CDLL(PETSc.__file__)

@@ -54,10 +54,8 @@ def _at_nodes(measured: Measured) -> Iterator[Finding]:
         max(float(excess.max()), 0.0) / max(largest, float(measured.friction_limit.max())),
         limit=limit,
     )  # fmt: skip
-    overlap, where = (
-        max(-float(gap.min()), 0.0),
-        format_point(contact.operators.x[first_largest(-gap)]),
-    )
+    overlap = max(-float(gap.min()), 0.0)
+    where = format_point(contact.operators.x[first_largest(-gap)])
     yield Finding(
         "overlap", "overlap at the nodes", overlap,
         f"overlap {overlap:.1e} (allowed {limit:.1e}) at {where}, in facets; partners are searched "

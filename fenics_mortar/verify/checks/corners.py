@@ -74,10 +74,8 @@ def _of_surfaces(measured: Measured) -> Iterator[Finding]:
         return
     forces, along = _forces_along_master(contact, measured.pressure)
     total = positive_or_one(float(forces.sum()))
-    angle, where = (
-        float(along.sum()) / total,
-        errors.format_point(contact.operators.x[first_largest(along)]),
-    )
+    angle = float(along.sum()) / total
+    where = errors.format_point(contact.operators.x[first_largest(along)])
     shear, excess, sticks_at = _at_corners(measured, forces, total)
     is_slave = shear > 0.5 * LIMITS.at_corners
     known = "direction and depth are" if is_slave else "depth is"
@@ -355,7 +353,10 @@ def _at_sharp_edges(measured: Measured) -> Iterator[Finding]:
         return
     forces, along = _forces_along_faces(contact, measured.pressure)
     shear = float(along[sharp].sum()) / positive_or_one(float(forces.sum()))
-    compared, where = "", errors.format_point(contact.operators.x[sharp[along[sharp].argmax()]])
+    compared, where = (
+        "",
+        errors.format_point(contact.operators.x[sharp[first_largest(along[sharp])]]),
+    )
     if contact.pair.law.has_friction and measured.friction > 0.0:
         limit = min(limit, max(OF_FRICTION * measured.friction, LIMITS.negligible))
         compared = f", compared with a friction of {measured.friction:.2g}"
